@@ -1,0 +1,112 @@
+"""
+Region geometry and the one tolerant conversion from lengths to whole ticks.
+
+Frame ``map``: ENU, metres, origin at the region's south-west corner (REP-103).
+Arrays over cells are indexed ``[row, col]``; files and messages write a cell as
+``[col, row]``. `GridSpec` is the only place that converts between the two.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated
+
+import msgspec
+
+TOLERANCE = 1e-9
+"""
+Relative slack of every length and time comparison (dimensionless).
+
+Adding a step of a few metres some thousand times loses about 1e-12 of it; 1e-9 is far above that
+and far below anything a vehicle can do.
+"""
+
+ColIndex = Annotated[int, msgspec.Meta(ge=0, le=9999, description='column, 0 = west')]
+RowIndex = Annotated[int, msgspec.Meta(ge=0, le=9999, description='row, 0 = south')]
+Cell = tuple[ColIndex, RowIndex]
+"""A cell as ``(col, row)``; ``[col, row]`` in JSON and YAML."""
+
+Metres = Annotated[float, msgspec.Meta(ge=-1e7, le=1e7, extra_json_schema={'x-unit': 'm'})]
+
+
+class Point(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """A horizontal position in frame ``map``."""
+
+    east_m: Metres
+    north_m: Metres
+
+    def distance_m(self, other: Point) -> float:
+        """Return the horizontal distance to another point, in metres."""
+        return math.hypot(other.east_m - self.east_m, other.north_m - self.north_m)
+
+    def toward(self, target: Point, length_m: float) -> Point:
+        """
+        Return the point ``length_m`` along the straight line to a target.
+
+        The target itself (bit for bit) is returned where the line is not longer than
+        ``length_m``, so that a vehicle that arrives is exactly where it was sent.
+        """
+        distance_m = self.distance_m(target)
+        if distance_m <= length_m * (1.0 + TOLERANCE):
+            return target
+        share = length_m / distance_m
+        return Point(
+            east_m=self.east_m + share * (target.east_m - self.east_m),
+            north_m=self.north_m + share * (target.north_m - self.north_m),
+        )
+
+
+class GridSpec(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """The surveyed region: ``cols x rows`` square cells, cell (0, 0) in the south-west."""
+
+    cols: Annotated[int, msgspec.Meta(ge=1, le=1000, description='cells from west to east')]
+    rows: Annotated[int, msgspec.Meta(ge=1, le=1000, description='cells from south to north')]
+    cell_m: Annotated[
+        float,
+        msgspec.Meta(gt=0, le=1e5, description='cell width w', extra_json_schema={'x-unit': 'm'}),
+    ]
+
+    @property
+    def cells_total(self) -> int:
+        """Return the number of cells."""
+        return self.cols * self.rows
+
+    def contains(self, cell: Cell) -> bool:
+        """Return whether a cell lies in the region."""
+        return 0 <= cell[0] < self.cols and 0 <= cell[1] < self.rows
+
+    def centre(self, cell: Cell) -> Point:
+        """Return the centre of a cell in frame ``map``."""
+        return Point(
+            east_m=(cell[0] + 0.5) * self.cell_m, north_m=(cell[1] + 0.5) * self.cell_m
+        )
+
+    def cell_at(self, point: Point) -> Cell:
+        """Return the cell that holds a point; a point outside gives the nearest cell."""
+        col = math.floor(point.east_m / self.cell_m)
+        row = math.floor(point.north_m / self.cell_m)
+        return (min(max(col, 0), self.cols - 1), min(max(row, 0), self.rows - 1))
+
+    def index(self, cell: Cell) -> tuple[int, int]:
+        """Return the ``[row, col]`` array index of a cell."""
+        return (cell[1], cell[0])
+
+
+def whole_ticks(ticks: float) -> int:
+    """
+    Return the number of whole ticks that hold a duration or length given in ticks.
+
+    Rounds up, but forgives `TOLERANCE`, so that a hop of exactly n ticks takes n and not n + 1.
+    Every conversion of a distance or a time into ticks goes through here.
+    """
+    return math.ceil(ticks - TOLERANCE * max(1.0, abs(ticks)))
+
+
+def within_range(distance_m: float, range_m: float) -> bool:
+    """Return whether a distance is inside a radio disc (its edge included, `TOLERANCE`)."""
+    return distance_m <= range_m * (1.0 + TOLERANCE)
+
+
+def is_before(earlier_s: float, later_s: float) -> bool:
+    """Return whether one time lies before another by more than `TOLERANCE` of it."""
+    return earlier_s < later_s - TOLERANCE * max(1.0, abs(later_s))
