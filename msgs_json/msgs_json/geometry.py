@@ -77,9 +77,7 @@ class GridSpec(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=
 
     def centre(self, cell: Cell) -> Point:
         """Return the centre of a cell in frame ``map``."""
-        return Point(
-            east_m=(cell[0] + 0.5) * self.cell_m, north_m=(cell[1] + 0.5) * self.cell_m
-        )
+        return Point(east_m=(cell[0] + 0.5) * self.cell_m, north_m=(cell[1] + 0.5) * self.cell_m)
 
     def cell_at(self, point: Point) -> Cell:
         """Return the cell that holds a point; a point outside gives the nearest cell."""

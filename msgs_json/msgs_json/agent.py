@@ -1,0 +1,69 @@
+"""
+What an agent is: a sans-I/O object that is told the time and what it hears.
+
+An agent knows no ROS, clock, file or socket. It returns what it wants to send, publish and log as
+values; `agent_shell.AgentShell` turns these into bytes, and the node host (one process per agent)
+or the in-process kernel carries them. Its vehicle, if it has one, is behind a driver.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Protocol
+
+if TYPE_CHECKING:
+    from msgs_json.messages import Event, Message
+    from msgs_json.ros_messages import RosMessage
+    from msgs_json.topics import Topic
+
+
+@dataclass(frozen=True, slots=True)
+class Transmit:
+    """Say something by radio; whether it is heard is up to the channel."""
+
+    dst: str
+    body: Message
+
+
+@dataclass(frozen=True, slots=True)
+class Publish:
+    """Show something to people and tools; no agent listens to it."""
+
+    topic: Topic
+    message: RosMessage | Message
+
+
+@dataclass(frozen=True, slots=True)
+class Log:
+    """Note in the mission's log that something happened."""
+
+    event: Event
+    stamp_s: float
+    """When it happened; may lie one tick before the time of logging."""
+
+
+Output = Transmit | Publish | Log
+
+
+class Agent(Protocol):
+    """
+    The behaviour of one vehicle or station.
+
+    Within a tick ``tick`` comes first, then ``receive`` for every message heard at that time.
+    Decisions that depend on what was *not* heard are taken at the next ``tick``, when the radio of
+    the tick before is known to be over.
+    """
+
+    name: str
+    peers: frozenset[str]
+    """Agents it listens to; messages from others are refused."""
+    finished: bool
+    """Whether its part of the mission is over."""
+
+    def tick(self, now_s: float) -> list[Output]:
+        """Move the vehicle to ``now_s`` and act on what was known until then."""
+        ...
+
+    def receive(self, src: str, message: Message, now_s: float) -> list[Output]:
+        """Act on a message heard at ``now_s``."""
+        ...

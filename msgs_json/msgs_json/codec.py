@@ -1,0 +1,152 @@
+"""
+Envelopes to and from JSON, strict on the way in.
+
+What cannot be understood is refused with a `MessageError` that names the JSON path; nothing is
+guessed, filled in or rounded.
+"""
+
+from __future__ import annotations
+
+import enum
+from functools import cache
+from typing import Annotated
+
+import msgspec
+
+from msgs_json.messages import (
+    LOCKSTEP_MESSAGES,
+    RADIO_MESSAGES,
+    STATUS_MESSAGES,
+    Message,
+    MissionEvent,
+    Seconds,
+)
+
+SCHEMA_VERSION = 1
+"""Version of every schema; a change that an older reader would misread raises it."""
+
+EVERYONE = '*'
+"""Destination of what is not sent to one agent (events, status)."""
+
+MISSION_EVENT = 'MissionEvent'
+
+
+class Envelope(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """What every JSON payload looks like; the body is decoded by its schema's name."""
+
+    schema: Annotated[str, msgspec.Meta(min_length=1, max_length=64)]
+    version: Annotated[int, msgspec.Meta(ge=1, le=2**31)]
+    src: Annotated[str, msgspec.Meta(min_length=1, max_length=64, description='agent name')]
+    dst: Annotated[str, msgspec.Meta(min_length=1, max_length=64, description='agent name or *')]
+    seq: Annotated[int, msgspec.Meta(ge=0, le=2**53, description='counted per sender and topic')]
+    stamp: Seconds
+    """Time of sending, seconds of ROS time."""
+    body: msgspec.Raw
+    auth: Annotated[str, msgspec.Meta(max_length=256)] | None
+    """Signature; null until messages are signed."""
+
+
+class Refusal(enum.Enum):
+    """Why a payload was refused."""
+
+    MALFORMED = 'malformed'
+    """Not JSON, or not of its schema's shape or ranges."""
+    UNKNOWN_SCHEMA = 'unknown_schema'
+    """A schema or version that the receiver does not take."""
+    UNKNOWN_SENDER = 'unknown_sender'
+    NOT_ADDRESSED = 'not_addressed'
+    """Meant for somebody else."""
+
+
+class MessageError(ValueError):
+    """A payload was refused; the text says where and why."""
+
+    def __init__(self, refusal: Refusal, sender: str, detail: str) -> None:
+        super().__init__(f'{refusal.value} message from {sender}: {detail}')
+        self.refusal = refusal
+        self.sender = sender
+        self.detail = detail
+
+
+_SCHEMA_TYPES: dict[str, object] = {
+    t.__name__: t for t in (*RADIO_MESSAGES, *LOCKSTEP_MESSAGES, *STATUS_MESSAGES)
+} | {MISSION_EVENT: MissionEvent}
+
+_envelope_decoder = msgspec.json.Decoder(Envelope)
+_encoder = msgspec.json.Encoder()
+
+
+@cache
+def _body_decoder(schema: str) -> msgspec.json.Decoder[Message]:
+    return msgspec.json.Decoder(_SCHEMA_TYPES[schema])
+
+
+def encode(
+    body: Message, *, schema: str | None = None, src: str, dst: str, seq: int, stamp_s: float
+) -> bytes:
+    """Return the JSON of an envelope; ``schema`` defaults to the body's class name."""
+    return _encoder.encode(
+        Envelope(
+            schema=schema or type(body).__name__,
+            version=SCHEMA_VERSION,
+            src=src,
+            dst=dst,
+            seq=seq,
+            stamp=stamp_s,
+            body=msgspec.Raw(_encoder.encode(body)),
+            auth=None,
+        )
+    )
+
+
+def open_envelope(data: bytes) -> Envelope:
+    """
+    Return the envelope of a payload, its body still closed.
+
+    Raises
+    ------
+    MessageError
+        Where the payload is not an envelope of this version.
+
+    """
+    try:
+        envelope = _envelope_decoder.decode(data)
+    except (msgspec.DecodeError, UnicodeDecodeError) as error:
+        raise MessageError(Refusal.MALFORMED, '?', str(error)) from None
+    if envelope.version != SCHEMA_VERSION:
+        raise MessageError(
+            Refusal.UNKNOWN_SCHEMA,
+            envelope.src,
+            f'`$.version` is {envelope.version}, this node reads {SCHEMA_VERSION}',
+        )
+    return envelope
+
+
+def open_body(envelope: Envelope) -> Message:
+    """
+    Return the typed body of an envelope.
+
+    Raises
+    ------
+    MessageError
+        Where the schema is unknown or the body is not of its shape or ranges.
+
+    """
+    if envelope.schema not in _SCHEMA_TYPES:
+        known = ', '.join(sorted(_SCHEMA_TYPES))
+        raise MessageError(
+            Refusal.UNKNOWN_SCHEMA,
+            envelope.src,
+            f'`$.schema` is {envelope.schema!r}; known are {known}',
+        )
+    try:
+        return _body_decoder(envelope.schema).decode(envelope.body)
+    except (msgspec.DecodeError, UnicodeDecodeError) as error:
+        detail = str(error).replace('`$', '`$.body')
+        raise MessageError(Refusal.MALFORMED, envelope.src, detail) from None
+
+
+def decode(data: bytes) -> tuple[Envelope, Message]:
+    """Return envelope and typed body of a payload; raises `MessageError`."""
+    envelope = open_envelope(data)
+    return envelope, open_body(envelope)

@@ -1,0 +1,179 @@
+"""
+Where a real vehicle plugs in: the driver protocols, their errors, and how drivers are found.
+
+A vehicle's package registers a factory under the entry-point group ``uav_planner.drivers`` or
+``auv_sim.drivers`` and ships without any change here. `driver_checks` holds the conformance suite
+that every driver passes. All positions are in frame ``map`` (ENU, metres), ``z_m`` is up.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from importlib.metadata import entry_points
+from typing import TYPE_CHECKING, Any, Protocol
+
+if TYPE_CHECKING:
+    import numpy as np
+
+    from msgs_json.geometry import Point
+    from msgs_json.ros_messages import Odometry, RosMessage
+    from msgs_json.topics import Topic
+
+SUBMERGED_Z_M = -1.0
+"""At this height or below a vehicle counts as submerged; between it and 0 it is on its way."""
+
+
+class DriverError(Exception):
+    """Base of what a driver may raise."""
+
+
+class CommandRefusedError(DriverError):
+    """The vehicle cannot do what was asked (bad target, wrong mode); it goes on as before."""
+
+
+class VehicleUnavailableError(DriverError):
+    """The vehicle's state is not known (no position yet, link to the autopilot lost)."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class VehicleState:
+    """Where a vehicle is."""
+
+    position: Point
+    z_m: float
+    heading_rad: float
+    """0 = east, counter-clockwise."""
+    speed_mps: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class AuvState(VehicleState):
+    """Where an AUV is, and how far along its leg."""
+
+    surfaced: bool
+    """At the surface, radio out of the water."""
+    waypoints_reached: int
+    """How many points of the present leg it has reached."""
+
+
+class UavDriver(Protocol):
+    """Moves the UAV."""
+
+    def go_to(self, target: Point) -> None:
+        """Fly straight to a point and hold there; replaces the target before."""
+        ...
+
+    def step(self, now_s: float) -> VehicleState:
+        """
+        Return the state at ``now_s``; a simulated vehicle moves there.
+
+        Raises
+        ------
+        VehicleUnavailableError
+            The position is not known.
+
+        """
+        ...
+
+
+class AuvDriver(Protocol):
+    """Moves an AUV."""
+
+    def follow(self, waypoints: Sequence[Point]) -> None:
+        """
+        Dive and swim through the points in order, starting with the next step.
+
+        Raises
+        ------
+        CommandRefusedError
+            There is no point to swim to.
+
+        """
+        ...
+
+    def surface(self) -> None:
+        """Come up here and now, and stay up until the next ``follow``."""
+        ...
+
+    def step(self, now_s: float) -> AuvState:
+        """
+        Return the state at ``now_s``; a simulated vehicle moves there.
+
+        Raises
+        ------
+        VehicleUnavailableError
+            The position is not known.
+
+        """
+        ...
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class UavDriverSetup:
+    """What a UAV driver is made from."""
+
+    name: str
+    home: Point
+    """C3, where the UAV starts."""
+    speed_mps: float
+    altitude_m: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class AuvDriverSetup:
+    """What an AUV driver is made from."""
+
+    name: str
+    start: Point
+    speed_mps: float
+    depth_m: float
+    """Depth of survey, metres, positive down."""
+    surfacing: str
+    """Surfacing model of the simulator as JSON (``{"model": "on_time"}``); others ignore it."""
+    rng: np.random.Generator
+    """Owned by the driver."""
+
+
+class DriverPorts(Protocol):
+    """How a driver reaches its vehicle over topics; the node host provides it."""
+
+    def publish(self, topic: Topic, message: RosMessage) -> None:
+        """Publish on a topic."""
+        ...
+
+    def subscribe_odometry(self, topic: Topic, callback: Callable[[Odometry], None]) -> None:
+        """Call back with every odometry message of a topic."""
+        ...
+
+
+class NoPorts:
+    """The ports of a run without ROS: a driver that needs topics is told so."""
+
+    def publish(self, topic: Topic, message: RosMessage) -> None:
+        """Refuse."""
+        raise VehicleUnavailableError(f'no topic {topic.name} without ROS')
+
+    def subscribe_odometry(self, topic: Topic, callback: Callable[[Odometry], None]) -> None:
+        """Refuse."""
+        raise VehicleUnavailableError(
+            f'no topic {topic.name} without ROS; use driver "kinematic" in this run'
+        )
+
+
+def find_driver(group: str, name: str) -> Any:  # noqa: ANN401  factories differ by vehicle kind
+    """
+    Return the driver factory registered under a name.
+
+    Raises
+    ------
+    ValueError
+        No installed package registers that name; the text lists those there are.
+
+    """
+    found = entry_points(group=group)
+    for entry in found:
+        if entry.name == name:
+            return entry.load()
+    names = ', '.join(sorted({entry.name for entry in found})) or 'none installed'
+    raise ValueError(f'driver: {name!r} is not registered in {group}; there are: {names}')

@@ -1,0 +1,458 @@
+"""
+The messages Shearwater's agents exchange, as strict types.
+
+Every type is the body of an envelope (`codec.Envelope`); the name of the class is the envelope's
+``schema``. Units are in the field names, cells are ``[col, row]``, positions are in frame ``map``
+(ENU, metres), times are seconds of ROS time (simulated missions start at 0).
+"""
+
+from __future__ import annotations
+
+import enum
+import re
+from typing import Annotated
+
+import msgspec
+
+from msgs_json.geometry import Cell, GridSpec, Point
+
+Name = Annotated[
+    str,
+    msgspec.Meta(
+        pattern='^[a-z][a-z0-9_]*$', max_length=32, description='agent name, such as auv_1'
+    ),
+]
+Seconds = Annotated[float, msgspec.Meta(ge=0, le=1e11, extra_json_schema={'x-unit': 's'})]
+SpeedMps = Annotated[float, msgspec.Meta(gt=0, le=1000, extra_json_schema={'x-unit': 'm/s'})]
+Count = Annotated[int, msgspec.Meta(ge=0, le=2**53)]
+Path = Annotated[
+    tuple[Cell, ...],
+    msgspec.Meta(
+        min_length=2, max_length=10_001, description='P_0 ... P_q, neighbour by neighbour'
+    ),
+]
+
+
+class Message(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """Base of every message: immutable, keyword-only, strict."""
+
+
+# --- over the radio ----------------------------------------------------------------------------
+
+
+class Leg(Message, frozen=True):
+    """A path to swim and the time at which the AUV is surfaced at the latest (ECC 2009, S_i)."""
+
+    leg_id: Count
+    """Counted per AUV, 0 for the initial path."""
+    path: Path
+    surface_deadline_s: Seconds
+
+    def __post_init__(self) -> None:
+        for (col_a, row_a), (col_b, row_b) in zip(self.path, self.path[1:], strict=False):
+            if abs(col_a - col_b) + abs(row_a - row_b) != 1:
+                raise ValueError(
+                    f'path goes from [{col_a},{row_a}] to [{col_b},{row_b}];'
+                    ' each move must lead to one of the 4 neighbour cells'
+                )
+
+
+class AuvOrder(Message, frozen=True):
+    """An AUV of the mission, as deployed."""
+
+    name: Name
+    speed_mps: SpeedMps
+    leg: Leg
+
+
+class MissionOrder(Message, frozen=True):
+    """C3 to UAV: the mission to fly, AUVs in visiting order."""
+
+    mission_id: Annotated[str, msgspec.Meta(min_length=1, max_length=128)]
+    region: GridSpec
+    c3: Point
+    radio_range_m: Annotated[
+        float, msgspec.Meta(gt=0, le=1e6, description='radius of the disc, R')
+    ]
+    sortie_limit_s: Annotated[float, msgspec.Meta(gt=0, le=1e6, description='L')]
+    path_cells: Annotated[int, msgspec.Meta(ge=1, le=10_000, description='moves of a path, q')]
+    min_path_cells: Annotated[int, msgspec.Meta(ge=1, le=10_000, description='Delta')]
+    surface_margin_s: Annotated[float, msgspec.Meta(ge=0, le=1e6, description='added to S_i')]
+    auvs: Annotated[tuple[AuvOrder, ...], msgspec.Meta(min_length=1, max_length=1000)]
+
+
+class Sample(Message, frozen=True):
+    """One survey sample, taken when the AUV reached the centre of a cell."""
+
+    number: Count
+    """Counted per AUV from 0; with the AUV's name the unique key of the sample."""
+    cell: Cell
+    entered_s: Seconds
+    value: Annotated[float, msgspec.Meta(ge=-1e9, le=1e9, description='unit of the survey field')]
+
+
+class LegOutcome(enum.Enum):
+    """Why an AUV surfaced."""
+
+    COMPLETED = 'completed'
+    """It reached the end of its path."""
+    DEADLINE = 'deadline'
+    """Its surface time came while it was still on its path."""
+    EARLY = 'early'
+    """It came up before, for a reason of its own."""
+
+
+class SurfacingReport(Message, frozen=True):
+    """AUV to UAV, repeated while surfaced: where it is and what it has sampled on its leg."""
+
+    auv: Name
+    leg_id: Count
+    outcome: LegOutcome
+    cell: Cell
+    """The cell the AUV is in; the next path starts there."""
+    position: Point
+    surfaced_s: Seconds
+    samples: tuple[Sample, ...]
+    """One per cell entered, in order; the cells the AUV really visited."""
+
+
+class PathAssignment(Message, frozen=True):
+    """UAV to AUV: the next leg."""
+
+    auv: Name
+    leg: Leg
+
+
+class RecoveryReason(enum.Enum):
+    """Why an AUV is to stay at the surface."""
+
+    EXPLORED = 'explored'
+    """Nothing is left to survey."""
+
+
+class RecoveryOrder(Message, frozen=True):
+    """UAV to AUV: no further leg; stay at the surface until picked up."""
+
+    auv: Name
+    leg_id: Count
+    """The leg that was the AUV's last."""
+    reason: RecoveryReason
+
+
+class Acknowledged(enum.Enum):
+    """The messages that are acknowledged."""
+
+    MISSION_ORDER = 'MissionOrder'
+    SURFACING_REPORT = 'SurfacingReport'
+    PATH_ASSIGNMENT = 'PathAssignment'
+    RECOVERY_ORDER = 'RecoveryOrder'
+    SORTIE_REPORT = 'SortieReport'
+
+
+class Acknowledgement(Message, frozen=True):
+    """The receiver has taken over what a message carried; its sender may stop repeating it."""
+
+    acknowledges: Acknowledged
+    reference: Count
+    """The leg id or sortie number of the message; 0 for a mission order."""
+
+
+class RelayedSample(Message, frozen=True):
+    """A survey sample on its way from the UAV to C3."""
+
+    auv: Name
+    sample: Sample
+
+
+class Meeting(Message, frozen=True):
+    """The UAV met an AUV: when, where, and what it handed over."""
+
+    auv: Name
+    time_s: Seconds
+    cell: Cell
+    ended_leg_id: Count
+    outcome: LegOutcome
+    next_leg: Leg | None
+    """None where the AUV was told to stay up for recovery."""
+
+
+class SortieReport(Message, frozen=True):
+    """UAV to C3: a sortie has ended, with everything relayed."""
+
+    sortie: Annotated[int, msgspec.Meta(ge=1, le=2**53, description='counted from 1')]
+    departed_s: Seconds
+    returned_s: Seconds
+    meetings: tuple[Meeting, ...]
+    missed: tuple[Name, ...]
+    """AUVs that were searched and not heard."""
+    samples: tuple[RelayedSample, ...]
+
+
+RADIO_MESSAGES: tuple[type[Message], ...] = (
+    MissionOrder,
+    PathAssignment,
+    RecoveryOrder,
+    Acknowledgement,
+    SurfacingReport,
+    SortieReport,
+)
+"""What may go over ``radio/tx`` and ``radio/rx``."""
+
+
+# --- for operators -----------------------------------------------------------------------------
+
+
+class MissionState(enum.Enum):
+    """Where the mission stands, as far as C3 knows."""
+
+    STARTING = 'starting'
+    """The UAV has not acknowledged its order."""
+    SURVEYING = 'surveying'
+    RECOVERING = 'recovering'
+    """The whole region is delivered; AUVs are still out."""
+    COMPLETED = 'completed'
+    """Every AUV is up for recovery, its data is at C3 and the UAV is home."""
+
+
+class AuvStatus(Message, frozen=True):
+    """What C3 knows of an AUV."""
+
+    name: Name
+    leg_id: Count
+    predicted_cells: tuple[Cell, ...]
+    """Where it can surface: the cells of its present leg."""
+    surface_deadline_s: Seconds | None
+    """When it is up at the latest; None once it stays up for recovery."""
+    last_met_s: Seconds | None
+    samples_delivered: Count
+
+
+class MissionStatus(Message, frozen=True):
+    """C3's picture of the mission."""
+
+    mission_id: str
+    state: MissionState
+    sorties: Count
+    cells_total: Count
+    cells_delivered: Count
+    samples_delivered: Count
+    auvs: tuple[AuvStatus, ...]
+
+
+class BlockReason(enum.Enum):
+    """Why a radio message did not get through."""
+
+    SUBMERGED = 'submerged'
+    RANGE = 'range'
+    LOSS = 'loss'
+    BANDWIDTH = 'bandwidth'
+    SIZE = 'size'
+    MALFORMED = 'malformed'
+    UNKNOWN_SENDER = 'unknown_sender'
+    AUTH = 'auth'
+    REPLAY = 'replay'
+
+
+class RadioStatus(Message, frozen=True):
+    """The channel's counters since the start of the mission."""
+
+    delivered: Count
+    blocked: dict[str, Count]
+    """By `BlockReason` value; reasons that did not occur are there with 0."""
+
+
+# --- the mission's log: one type per thing that happened ----------------------------------------
+
+
+def _snake_case(name: str) -> str:
+    return re.sub('(?<!^)(?=[A-Z])', '_', name).lower()
+
+
+class Event(Message, frozen=True, kw_only=True, tag_field='event', tag=_snake_case):
+    """Base of what `MissionEvent` bodies hold; ``event`` is the class name in snake case."""
+
+
+class MissionStarted(Event, frozen=True):
+    """C3: the mission as it was loaded; makes a bag complete in itself."""
+
+    scenario: msgspec.Raw
+    """The scenario with every default filled in, a JSON object."""
+    planner: str
+    seed: Count
+    software_version: str
+
+
+class CellEntered(Event, frozen=True):
+    """AUV: reached the centre of a cell and took its sample."""
+
+    cell: Cell
+    sample_number: Count
+
+
+class Surfaced(Event, frozen=True):
+    """AUV: came up."""
+
+    leg_id: Count
+    outcome: LegOutcome
+    cell: Cell
+
+
+class Dived(Event, frozen=True):
+    """AUV: took its next leg and went down."""
+
+    leg_id: Count
+    path: Path
+    surface_deadline_s: Seconds
+
+
+class StayedUp(Event, frozen=True):
+    """AUV: was told to stay at the surface."""
+
+    reason: RecoveryReason
+
+
+class SortieDeparted(Event, frozen=True):
+    """UAV: left C3, or met an AUV while still there."""
+
+    sortie: Count
+    limit_s: Seconds
+    predicted_s: Seconds
+    worst_case_s: Seconds
+    """The whole route from this departure, waits included."""
+    order: tuple[Name, ...]
+
+
+class Met(Event, frozen=True):
+    """UAV: met an AUV, took its data and handed over its next path."""
+
+    sortie: Count
+    auv: Name
+    cell: Cell
+    leg_id: Count
+    """The leg that ended."""
+    path: tuple[Cell, ...]
+    """The path handed over, P_0 first; empty where the AUV stays up for recovery."""
+    slack_s: float | None
+    """lambda, before the choice; None where no path was planned."""
+    sortie_time_s: float | None
+    plan_status: str | None
+
+
+class Missed(Event, frozen=True):
+    """UAV: searched an AUV's whole path without hearing it."""
+
+    sortie: Count
+    auv: Name
+
+
+class SortieReturned(Event, frozen=True):
+    """UAV: is back at C3."""
+
+    sortie: Count
+    duration_s: Seconds
+
+
+class SamplesDelivered(Event, frozen=True):
+    """C3: took over samples."""
+
+    sortie: Count
+    samples: Count
+    """New ones in this report."""
+    cells_delivered: Count
+
+
+class MissionCompleted(Event, frozen=True):
+    """C3: all AUVs are up for recovery, all their data is here and the UAV is home."""
+
+    cells_delivered: Count
+    samples_delivered: Count
+
+
+class MessageRefused(Event, frozen=True):
+    """Any node: refused a message; logged once per sender and reason, counted always."""
+
+    sender: str
+    reason: str
+    detail: str
+
+
+class MissionStopped(Event, frozen=True):
+    """World: the simulation ended before C3 called the mission complete."""
+
+    reason: str
+    node: str | None
+    """The node at fault, where there is one."""
+
+
+MissionEvent = (
+    MissionStarted
+    | CellEntered
+    | Surfaced
+    | Dived
+    | StayedUp
+    | SortieDeparted
+    | Met
+    | Missed
+    | SortieReturned
+    | SamplesDelivered
+    | MissionCompleted
+    | MessageRefused
+    | MissionStopped
+)
+
+
+# --- lockstep ------------------------------------------------------------------------------------
+
+
+class NodeKind(enum.Enum):
+    """The part a node plays in lockstep."""
+
+    AGENT = 'agent'
+    RECORDER = 'recorder'
+
+
+class Hello(Message, frozen=True):
+    """A node is up, with all its publishers and subscriptions made."""
+
+    kind: NodeKind
+
+
+class Go(Message, frozen=True):
+    """The world has heard every node it waits for."""
+
+    nodes: tuple[str, ...]
+
+
+class Ready(Message, frozen=True):
+    """A node has heard `Go`: both directions work."""
+
+
+class Tick(Message, frozen=True):
+    """The world: it is tick ``tick`` now. The same tick may be sent again."""
+
+    tick: Count
+    time_s: Seconds
+    published: Count | None
+    """
+    Sent on recorder ticks only: messages published by all agents up to the tick before.
+
+    The recorder answers once it holds them all.
+    """
+
+
+class Done(Message, frozen=True):
+    """A node has worked off a tick and everything delivered to it so far (cumulative counts)."""
+
+    tick: Count
+    received: Count
+    """Messages from ``radio/rx`` worked off."""
+    sent: Count
+    """Messages sent on ``radio/tx``."""
+    published: Count
+    """Messages published on recorded topics, ``radio/tx`` included."""
+    finished: bool
+    """The agent's part of the mission is over; C3's ends the mission."""
+
+
+LOCKSTEP_MESSAGES: tuple[type[Message], ...] = (Hello, Go, Ready, Tick, Done)
+STATUS_MESSAGES: tuple[type[Message], ...] = (MissionStatus, RadioStatus)
