@@ -1,0 +1,118 @@
+"""The simulated AUV: constant speed from waypoint to waypoint, with a surfacing model."""
+
+from __future__ import annotations
+
+import math
+from bisect import bisect_right
+from itertools import accumulate, pairwise
+from typing import TYPE_CHECKING
+
+from auv_sim.surfacing import surfacing_model
+from msgs_json.drivers import SUBMERGED_Z_M, AuvState, CommandRefusedError
+from msgs_json.geometry import TIME_TOLERANCE_S
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from msgs_json.drivers import AuvDriverSetup, DriverPorts
+    from msgs_json.geometry import Point
+
+
+def make_driver(setup: AuvDriverSetup, ports: DriverPorts) -> KinematicAuv:
+    """Return a simulated AUV, surfaced at its start; it needs no topics."""
+    return KinematicAuv(setup)
+
+
+class KinematicAuv:
+    """
+    A constant-speed point on a polyline, which dives and surfaces at once.
+
+    The position follows from where and when the present leg began, not from the position a step
+    before: rounding does not add up, so no waypoint is reached a tick late.
+
+    Raises
+    ------
+    ValueError
+        The setup's depth or surfacing model is not one that can be simulated.
+
+    """
+
+    def __init__(self, setup: AuvDriverSetup) -> None:
+        if not -setup.depth_m <= SUBMERGED_Z_M:
+            raise ValueError(f'depth_m is {setup.depth_m}; must be at least {-SUBMERGED_Z_M:g} m')
+        self._speed_mps = setup.speed_mps
+        self._depth_m = setup.depth_m
+        self._surfacing = surfacing_model(setup.surfacing)
+        self._rng = setup.rng
+        self._surfaced = True
+        self._position = setup.start
+        self._heading_rad = 0.0
+        self._now_s: float | None = None
+        """Time of the last step."""
+        self._leg: tuple[Point, ...] = (setup.start,)
+        """Where the present leg began, then its waypoints up to where the AUV comes up."""
+        self._arrivals_s: tuple[float, ...] = (0.0,)
+        """When each point of the leg is reached, counted from the leg's beginning."""
+        self._ends_at_surface = False
+        """Whether it comes up by itself at the last point of the leg."""
+        self._began_s: float | None = None
+        """When the leg began; None before the first step, at which it then begins."""
+        self._reached = 0
+        """Index of the last point of the leg that was reached; the leg's beginning is point 0."""
+
+    def follow(self, waypoints: Sequence[Point]) -> None:
+        """Dive and swim through the points, from the next step on; draws from the generator."""
+        leg = (self._position, *waypoints)
+        lengths_m = [a.distance_m(b) for a, b in pairwise(leg)]
+        if not lengths_m or not math.isfinite(sum(lengths_m)):
+            raise CommandRefusedError(
+                f'waypoints are {list(waypoints)}; must be at least one, and finite'
+            )
+        fate = self._surfacing.draw(len(waypoints), self._rng)
+        self._ends_at_surface = fate.surfaces_at is not None
+        self._leg = leg if fate.surfaces_at is None else leg[: fate.surfaces_at + 1]
+        self._arrivals_s = tuple(
+            length_m / self._speed_mps for length_m in accumulate(lengths_m, initial=0.0)
+        )[: len(self._leg)]
+        self._began_s = self._now_s
+        self._reached = 0
+        self._surfaced = False
+
+    def surface(self) -> None:
+        """Be at the surface at once, and stay there until the next ``follow``."""
+        self._surfaced = True
+
+    def step(self, now_s: float) -> AuvState:
+        """Swim to ``now_s``; where time goes back, nothing moves until it has caught up."""
+        self._now_s = now_s if self._now_s is None else max(now_s, self._now_s)
+        if self._began_s is None:
+            self._began_s = self._now_s
+        if not self._surfaced:
+            self._swim(self._now_s - self._began_s)
+        return AuvState(
+            position=self._position,
+            z_m=0.0 if self._surfaced else -self._depth_m,
+            heading_rad=self._heading_rad,
+            speed_mps=0.0 if self._surfaced or self._at_end else self._speed_mps,
+            surfaced=self._surfaced,
+            waypoints_reached=self._reached,
+        )
+
+    @property
+    def _at_end(self) -> bool:
+        return self._reached == len(self._leg) - 1
+
+    def _swim(self, elapsed_s: float) -> None:
+        self._reached = bisect_right(self._arrivals_s, elapsed_s + TIME_TOLERANCE_S) - 1
+        self._position = self._leg[self._reached]
+        if self._at_end:
+            # Not at the moment of diving: the shortest dive lasts until the next step.
+            self._surfaced = self._ends_at_surface and elapsed_s > TIME_TOLERANCE_S
+            return
+        ahead = self._leg[self._reached + 1]
+        self._heading_rad = math.atan2(
+            ahead.north_m - self._position.north_m, ahead.east_m - self._position.east_m
+        )
+        past_s = elapsed_s - self._arrivals_s[self._reached]
+        if past_s > TIME_TOLERANCE_S:  # else it is exactly at the point
+            self._position = self._position.toward(ahead, self._speed_mps * past_s)
