@@ -13,11 +13,13 @@ from dataclasses import dataclass
 from importlib.metadata import entry_points
 from typing import TYPE_CHECKING, Any, Protocol
 
+from msgs_json.ros_messages import Odometry
+
 if TYPE_CHECKING:
     import numpy as np
 
     from msgs_json.geometry import Point
-    from msgs_json.ros_messages import Odometry, RosMessage
+    from msgs_json.ros_messages import RosMessage
     from msgs_json.topics import Topic
 
 SUBMERGED_Z_M = -1.0
@@ -46,6 +48,17 @@ class VehicleState:
     """0 = east, counter-clockwise."""
     speed_mps: float
 
+    def odometry(self, vehicle: str, stamp_s: float) -> Odometry:
+        """Return the state as the vehicle's odometry message (REP-105 frame names)."""
+        return Odometry(
+            stamp_s=stamp_s,
+            child_frame_id=f'{vehicle}/base_link',
+            position=self.position,
+            z_m=self.z_m,
+            heading_rad=self.heading_rad,
+            speed_mps=self.speed_mps,
+        )
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AuvState(VehicleState):
@@ -61,12 +74,23 @@ class UavDriver(Protocol):
     """Moves the UAV."""
 
     def go_to(self, target: Point) -> None:
-        """Fly straight to a point and hold there; replaces the target before."""
+        """
+        Fly straight to a point and hold there, from the next step on; replaces the target before.
+
+        Raises
+        ------
+        CommandRefusedError
+            The point is not finite; the vehicle goes on as before.
+
+        """
         ...
 
     def step(self, now_s: float) -> VehicleState:
         """
         Return the state at ``now_s``; a simulated vehicle moves there.
+
+        The first step does not move, nor does one at the time of the step before; the latter
+        shows the state as commands since then have changed it.
 
         Raises
         ------
@@ -84,10 +108,16 @@ class AuvDriver(Protocol):
         """
         Dive and swim through the points in order, starting with the next step.
 
+        The points are the centres of P_1 ... P_q where the vehicle is exactly at the centre of
+        P_0, else those of P_0 ... P_q. The leg begins where the vehicle is: its present position
+        is not among the points and does not count in ``waypoints_reached``. Under water at the
+        last point it waits there for ``surface``. A vehicle that comes up by itself, at once or
+        at a point, stays up until the next ``follow``.
+
         Raises
         ------
         CommandRefusedError
-            There is no point to swim to.
+            There is no point to swim to, or one is not finite; the vehicle goes on as before.
 
         """
         ...
@@ -99,6 +129,9 @@ class AuvDriver(Protocol):
     def step(self, now_s: float) -> AuvState:
         """
         Return the state at ``now_s``; a simulated vehicle moves there.
+
+        The first step does not move, nor does one at the time of the step before; the latter
+        shows the state as commands since then have changed it.
 
         Raises
         ------

@@ -9,6 +9,8 @@ Arrays over cells are indexed ``[row, col]``; files and messages write a cell as
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
+from itertools import pairwise
 from typing import Annotated
 
 import msgspec
@@ -20,6 +22,9 @@ Relative slack of every length and time comparison (dimensionless).
 Adding a step of a few metres some thousand times loses about 1e-12 of it; 1e-9 is far above that
 and far below anything a vehicle can do.
 """
+
+TIME_TOLERANCE_S = 1e-6
+"""Times closer than this are the same; absolute, since ROS time may count from 1970."""
 
 ColIndex = Annotated[int, msgspec.Meta(ge=0, le=9999, description='column, 0 = west')]
 RowIndex = Annotated[int, msgspec.Meta(ge=0, le=9999, description='row, 0 = south')]
@@ -106,5 +111,21 @@ def within_range(distance_m: float, range_m: float) -> bool:
 
 
 def is_before(earlier_s: float, later_s: float) -> bool:
-    """Return whether one time lies before another by more than `TOLERANCE` of it."""
-    return earlier_s < later_s - TOLERANCE * max(1.0, abs(later_s))
+    """Return whether one time lies before another by more than `TIME_TOLERANCE_S`."""
+    return earlier_s < later_s - TIME_TOLERANCE_S
+
+
+def path_length_m(points: Sequence[Point]) -> float:
+    """Return the length of a polyline."""
+    return sum(a.distance_m(b) for a, b in pairwise(points))
+
+
+def surface_deadline_s(
+    start_s: float, way_m: float, speed_mps: float, margin_s: float, tick_s: float
+) -> float:
+    """
+    Return when an AUV that starts a leg at a tick is surfaced at the latest (S_i).
+
+    The way at nominal speed plus a margin, rounded up to a tick.
+    """
+    return start_s + whole_ticks((way_m / speed_mps + margin_s) / tick_s) * tick_s

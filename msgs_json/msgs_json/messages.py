@@ -108,12 +108,14 @@ class SurfacingReport(Message, frozen=True):
     auv: Name
     leg_id: Count
     outcome: LegOutcome
+    moves_done: Count
+    """How many moves of the leg's path were completed; the rest of its cells were not reached."""
     cell: Cell
-    """The cell the AUV is in; the next path starts there."""
+    """The last cell entered, ``path[moves_done]``; the next path starts there."""
     position: Point
     surfaced_s: Seconds
     samples: tuple[Sample, ...]
-    """One per cell entered, in order; the cells the AUV really visited."""
+    """All that nobody has acknowledged yet, one per cell entered, in order."""
 
 
 class PathAssignment(Message, frozen=True):

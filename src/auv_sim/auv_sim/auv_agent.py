@@ -1,0 +1,227 @@
+"""The AUV: swims its leg, surfaces, hands its data over, takes the next leg."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from msgspec import structs
+
+from msgs_json.agent import Log, Output, Publish, Transmit
+from msgs_json.drivers import AuvDriver, AuvState, CommandRefusedError
+from msgs_json.geometry import Cell, GridSpec, is_before, path_length_m, surface_deadline_s
+from msgs_json.messages import (
+    Acknowledged,
+    Acknowledgement,
+    CellEntered,
+    Dived,
+    Leg,
+    LegOutcome,
+    Message,
+    MessageRefused,
+    PathAssignment,
+    RecoveryOrder,
+    Sample,
+    StayedUp,
+    Surfaced,
+    SurfacingReport,
+)
+from msgs_json.ros_messages import TrackPath
+from msgs_json.topics import ODOM, PATH
+
+if TYPE_CHECKING:
+    from auv_sim.survey_field import SurveyField
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class AuvMission:
+    """What an AUV is told before it is put into the water."""
+
+    region: GridSpec
+    uav: str
+    """Name of the UAV that relays for it."""
+    speed_mps: float
+    depth_m: float
+    initial_path: tuple[Cell, ...]
+    surface_margin_s: float
+    tick_s: float
+
+
+class AuvAgent:
+    """Sans-I/O behaviour of one AUV; its vehicle is behind ``driver``, its sensor is ``field``."""
+
+    def __init__(
+        self, name: str, mission: AuvMission, driver: AuvDriver, field: SurveyField
+    ) -> None:
+        self.name = name
+        self.peers = frozenset({mission.uav})
+        self.finished = False
+        self._mission = mission
+        self._driver = driver
+        self._field = field
+        self._leg_id = -1
+        """Of the leg under way or just ended; -1 before the first."""
+        self._surface_deadline_s = math.inf
+        self._cells_ahead: tuple[Cell | None, ...] = ()
+        """The cell entered at each waypoint of the driver; None where none is."""
+        self._reached = 0
+        self._cell = mission.initial_path[0]
+        """The last cell entered."""
+        self._report: SurfacingReport | None = None
+        """What is said while at the surface; None under water."""
+        self._samples_taken = 0
+        self._unrelieved: list[Sample] = []
+        """Samples that nobody has acknowledged yet."""
+
+    def tick(self, now_s: float) -> list[Output]:
+        """Swim to ``now_s``; surface when the leg is over; report while at the surface."""
+        state = self._driver.step(now_s)
+        output: list[Output] = []
+        if self._leg_id < 0:
+            output += self._begin(state, now_s)
+            state = self._driver.step(now_s)
+        output += self._enter_cells(state, now_s)
+        if self._report is None:
+            outcome = self._reason_to_surface(state, now_s)
+            if outcome is not None:
+                self._driver.surface()
+                state = self._driver.step(now_s)
+                output += self._come_up(outcome, state, now_s)
+        output.append(Publish(ODOM, state.odometry(self.name, now_s)))
+        if self._report is not None and not self.finished:
+            report = structs.replace(self._report, samples=tuple(self._unrelieved))
+            output.append(Transmit(self._mission.uav, report))
+        return output
+
+    def receive(self, src: str, message: Message, now_s: float) -> list[Output]:
+        """Take an acknowledgement, a next leg or the order to stay up."""
+        match message:
+            case Acknowledgement(acknowledges=Acknowledged.SURFACING_REPORT):
+                if message.reference == self._leg_id:  # not a late copy from a leg before
+                    self._unrelieved = []
+                return []
+            case PathAssignment():
+                return self._assigned(message, now_s)
+            case RecoveryOrder():
+                return self._recovered(message, now_s)
+            case _:
+                detail = f'an AUV takes no {type(message).__name__}'
+                return [self._refused('unexpected', detail, now_s)]
+
+    # --- a leg, from first to last cell ----------------------------------------------------------
+
+    def _begin(self, state: AuvState, now_s: float) -> list[Output]:
+        mission = self._mission
+        way_m = path_length_m([mission.region.centre(cell) for cell in mission.initial_path])
+        deadline_s = surface_deadline_s(
+            now_s, way_m, mission.speed_mps, mission.surface_margin_s, mission.tick_s
+        )
+        leg = Leg(leg_id=0, path=mission.initial_path, surface_deadline_s=deadline_s)
+        output = self._dive(leg, state, now_s)
+        return [*output, self._enter(mission.initial_path[0], now_s)]
+
+    def _dive(self, leg: Leg, state: AuvState, now_s: float) -> list[Output]:
+        """
+        Send the vehicle on a leg.
+
+        Raises
+        ------
+        CommandRefusedError
+            The vehicle does not take it; nothing has changed.
+
+        """
+        start = self._mission.region.centre(leg.path[0])
+        points = [self._mission.region.centre(cell) for cell in leg.path[1:]]
+        cells: list[Cell | None] = [*leg.path[1:]]
+        if state.position != start:
+            # It lies between two cells: first back to the centre of P_0, which it entered before.
+            points.insert(0, start)
+            cells.insert(0, None)
+        self._driver.follow(points)
+        self._leg_id, self._surface_deadline_s = leg.leg_id, leg.surface_deadline_s
+        self._cells_ahead, self._reached, self._report = tuple(cells), 0, None
+        dived = Dived(leg_id=leg.leg_id, path=leg.path, surface_deadline_s=leg.surface_deadline_s)
+        track = TrackPath(
+            stamp_s=now_s, points=(state.position, *points), z_m=-self._mission.depth_m
+        )
+        return [Log(dived, now_s), Publish(PATH, track)]
+
+    def _enter_cells(self, state: AuvState, now_s: float) -> list[Output]:
+        newly_reached = self._cells_ahead[self._reached : state.waypoints_reached]
+        self._reached = state.waypoints_reached
+        return [self._enter(cell, now_s) for cell in newly_reached if cell is not None]
+
+    def _enter(self, cell: Cell, now_s: float) -> Output:
+        number = self._samples_taken
+        value = self._field.sample(self._mission.region.centre(cell))
+        self._cell = cell
+        self._samples_taken += 1
+        self._unrelieved.append(Sample(number=number, cell=cell, entered_s=now_s, value=value))
+        return Log(CellEntered(cell=cell, sample_number=number), now_s)
+
+    def _reason_to_surface(self, state: AuvState, now_s: float) -> LegOutcome | None:
+        if self._reached == len(self._cells_ahead):
+            return LegOutcome.COMPLETED
+        if state.surfaced:
+            return LegOutcome.EARLY
+        if not is_before(now_s, self._surface_deadline_s):
+            return LegOutcome.DEADLINE
+        return None
+
+    # --- at the surface --------------------------------------------------------------------------
+
+    def _come_up(self, outcome: LegOutcome, state: AuvState, now_s: float) -> list[Output]:
+        self._report = SurfacingReport(
+            auv=self.name,
+            leg_id=self._leg_id,
+            outcome=outcome,
+            moves_done=sum(cell is not None for cell in self._cells_ahead[: self._reached]),
+            cell=self._cell,
+            position=state.position,
+            surfaced_s=now_s,
+            samples=(),
+        )
+        return [Log(Surfaced(leg_id=self._leg_id, outcome=outcome, cell=self._cell), now_s)]
+
+    def _assigned(self, assignment: PathAssignment, now_s: float) -> list[Output]:
+        leg = assignment.leg
+        acknowledgement = Transmit(
+            self._mission.uav,
+            Acknowledgement(acknowledges=Acknowledged.PATH_ASSIGNMENT, reference=leg.leg_id),
+        )
+        if leg.leg_id <= self._leg_id:
+            return [acknowledgement]  # repeated by the UAV: it missed our answer
+        problem = self._problem_with(leg)
+        if problem:
+            return [self._refused('bad_leg', problem, now_s)]
+        try:
+            dive = self._dive(leg, self._driver.step(now_s), now_s)
+        except CommandRefusedError as error:
+            return [self._refused('driver', str(error), now_s)]
+        return [acknowledgement, *dive]
+
+    def _problem_with(self, leg: Leg) -> str | None:
+        if self._report is None:
+            return 'an assignment came while under way'
+        if leg.path[0] != self._cell:
+            return f'path must start at {list(self._cell)}, starts at {list(leg.path[0])}'
+        outside = [cell for cell in leg.path if not self._mission.region.contains(cell)]
+        if outside:
+            return f'cell {list(outside[0])} lies outside the region'
+        return None
+
+    def _recovered(self, order: RecoveryOrder, now_s: float) -> list[Output]:
+        output: list[Output] = [
+            Transmit(
+                self._mission.uav,
+                Acknowledgement(acknowledges=Acknowledged.RECOVERY_ORDER, reference=order.leg_id),
+            )
+        ]
+        if not self.finished:
+            self.finished = True
+            output.append(Log(StayedUp(reason=order.reason), now_s))
+        return output
+
+    def _refused(self, reason: str, detail: str, now_s: float) -> Output:
+        return Log(MessageRefused(sender=self._mission.uav, reason=reason, detail=detail), now_s)
