@@ -95,6 +95,22 @@ class GridSpec(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=
         return (cell[1], cell[0])
 
 
+def path_problem(path: Sequence[Cell], region: GridSpec | None = None) -> str | None:
+    """Return why cells are no path of single moves (inside a region), or None if they are one."""
+    for cell in path:
+        if region is not None and not region.contains(cell):
+            return (
+                f'cell {list(cell)} lies outside the region of {region.cols} x {region.rows} cells'
+            )
+    for (col_a, row_a), (col_b, row_b) in pairwise(path):
+        if abs(col_a - col_b) + abs(row_a - row_b) != 1:
+            return (
+                f'it goes from [{col_a}, {row_a}] to [{col_b}, {row_b}];'
+                ' each move must lead to one of the 4 neighbour cells'
+            )
+    return None
+
+
 def whole_ticks(ticks: float) -> int:
     """
     Return the number of whole ticks that hold a duration or length given in ticks.

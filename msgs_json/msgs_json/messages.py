@@ -14,7 +14,7 @@ from typing import Annotated
 
 import msgspec
 
-from msgs_json.geometry import Cell, GridSpec, Point
+from msgs_json.geometry import Cell, GridSpec, Point, path_problem
 
 Name = Annotated[
     str,
@@ -49,12 +49,9 @@ class Leg(Message, frozen=True):
     surface_deadline_s: Seconds
 
     def __post_init__(self) -> None:
-        for (col_a, row_a), (col_b, row_b) in zip(self.path, self.path[1:], strict=False):
-            if abs(col_a - col_b) + abs(row_a - row_b) != 1:
-                raise ValueError(
-                    f'path goes from [{col_a},{row_a}] to [{col_b},{row_b}];'
-                    ' each move must lead to one of the 4 neighbour cells'
-                )
+        problem = path_problem(self.path)
+        if problem:
+            raise ValueError(f'path: {problem}')
 
 
 class AuvOrder(Message, frozen=True):

@@ -10,7 +10,14 @@ from msgspec import structs
 
 from msgs_json.agent import Log, Output, Publish, Transmit
 from msgs_json.drivers import AuvDriver, AuvState, CommandRefusedError
-from msgs_json.geometry import Cell, GridSpec, is_before, path_length_m, surface_deadline_s
+from msgs_json.geometry import (
+    Cell,
+    GridSpec,
+    is_before,
+    path_length_m,
+    path_problem,
+    surface_deadline_s,
+)
 from msgs_json.messages import (
     Acknowledged,
     Acknowledgement,
@@ -206,10 +213,7 @@ class AuvAgent:
             return 'an assignment came while under way'
         if leg.path[0] != self._cell:
             return f'path must start at {list(self._cell)}, starts at {list(leg.path[0])}'
-        outside = [cell for cell in leg.path if not self._mission.region.contains(cell)]
-        if outside:
-            return f'cell {list(outside[0])} lies outside the region'
-        return None
+        return path_problem(leg.path, self._mission.region)
 
     def _recovered(self, order: RecoveryOrder, now_s: float) -> list[Output]:
         output: list[Output] = [

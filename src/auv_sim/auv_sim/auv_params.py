@@ -1,0 +1,87 @@
+"""The AUV's settings, as node parameters, and the agent made from them."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+from auv_sim.auv_agent import AuvAgent, AuvMission
+from auv_sim.survey_field import make_field
+from msgs_json.agent_shell import AgentShell
+from msgs_json.drivers import AuvDriverSetup, DriverPorts, find_driver
+from msgs_json.geometry import Cell, GridSpec, path_problem
+from msgs_json.params import Params, param
+from msgs_json.randomness import agent_rng
+
+DRIVERS = 'auv_sim.drivers'
+
+
+class AuvParams(Params, frozen=True):
+    """Parameters of ``auv_sim auv``."""
+
+    name: Annotated[str, param('agent name; empty: the last part of the node namespace')] = ''
+    uav: Annotated[str, param('name of the UAV that relays for this AUV')] = 'uav'
+    speed_mps: Annotated[float, param('speed through the path', unit='m/s', ge=0.01, le=100)] = 1.0
+    depth_m: Annotated[float, param('survey depth, positive down', unit='m', ge=1, le=11_000)] = (
+        5.0
+    )
+    cols: Annotated[int, param('cells of the region from west to east', ge=1, le=1000)] = 10
+    rows: Annotated[int, param('cells of the region from south to north', ge=1, le=1000)] = 10
+    cell_m: Annotated[float, param('cell width', unit='m', ge=0.1, le=1e5)] = 10.0
+    initial_path: Annotated[
+        tuple[int, ...], param('cells swum on deployment: col, row, col, row, ...')
+    ] = (3, 7, 4, 7)
+    surface_margin_s: Annotated[
+        float, param('added to the surface deadline of the initial path', unit='s', ge=0, le=1e6)
+    ] = 0.0
+    tick_s: Annotated[float, param('length of a tick', unit='s', ge=0.001, le=3600)] = 1.0
+    seed: Annotated[int, param('seed of the mission', ge=0, le=2**53)] = 0
+    driver: Annotated[str, param(f'vehicle driver, an entry point of {DRIVERS}')] = 'kinematic'
+    surfacing: Annotated[str, param('surfacing model of the simulated vehicle, JSON')] = (
+        '{"model": "on_time"}'
+    )
+    field: Annotated[str, param('survey field, JSON')] = '{"kind": "synthetic"}'
+
+
+def make_auv(params: AuvParams, ports: DriverPorts) -> AgentShell:
+    """
+    Return the AUV's agent with its driver and its sensor.
+
+    Raises
+    ------
+    ValueError
+        A parameter is not usable; the text names it.
+
+    """
+    region = GridSpec(cols=params.cols, rows=params.rows, cell_m=params.cell_m)
+    path = _cells(params.initial_path, region)
+    setup = AuvDriverSetup(
+        name=params.name,
+        start=region.centre(path[0]),
+        speed_mps=params.speed_mps,
+        depth_m=params.depth_m,
+        surfacing=params.surfacing,
+        rng=agent_rng(params.seed, params.name),
+    )
+    mission = AuvMission(
+        region=region,
+        uav=params.uav,
+        speed_mps=params.speed_mps,
+        depth_m=params.depth_m,
+        initial_path=path,
+        surface_margin_s=params.surface_margin_s,
+        tick_s=params.tick_s,
+    )
+    driver = find_driver(DRIVERS, params.driver)(setup, ports)
+    return AgentShell(AuvAgent(params.name, mission, driver, make_field(params.field, region)))
+
+
+def _cells(flat: tuple[int, ...], region: GridSpec) -> tuple[Cell, ...]:
+    cells = tuple(zip(flat[::2], flat[1::2], strict=False))
+    if len(flat) % 2 or len(cells) < 2:
+        raise ValueError(
+            f'parameter initial_path is {flat}; it must hold col, row of at least 2 cells'
+        )
+    problem = path_problem(cells, region)
+    if problem:
+        raise ValueError(f'parameter initial_path is {flat}: {problem}')
+    return cells

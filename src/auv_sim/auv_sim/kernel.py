@@ -1,0 +1,62 @@
+"""
+Runs a mission in one process: the same agents as the nodes, in the same order, without ROS.
+
+The order within a tick is that of lockstep: all agents tick; then the radio in rounds, each round
+gated in agent order, until nobody says anything more.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+
+from auv_sim.world import HARD_STOP, WORLD, World
+from msgs_json.agent_shell import AgentShell, Frame
+from msgs_json.ros_messages import Odometry, Text
+from msgs_json.topics import ODOM, RADIO_RX, RADIO_TX
+
+Sink = Callable[[str, Frame], None]
+"""Takes every frame with the name of the agent in whose namespace it is published."""
+
+
+def run_mission(world: World, agents: Mapping[str, AgentShell], sink: Sink) -> None:
+    """Run a mission until C3 calls it complete, or to the hard stop."""
+    while True:
+        _run_tick(world, agents, sink)
+        if agents[world.c3].agent.finished:
+            break
+        if world.time_is_up:
+            sink(WORLD, world.stopped(HARD_STOP))
+            break
+        world.tick += 1
+    for frame in world.radio_status():
+        sink(WORLD, frame)
+
+
+def _run_tick(world: World, agents: Mapping[str, AgentShell], sink: Sink) -> None:
+    now_s = world.now_s
+    sink(WORLD, world.clock())
+    said: list[tuple[str, bytes]] = []
+    for name in world.order:
+        said += _carry(name, agents[name].tick(now_s), world, sink)
+    while said:
+        heard = world.gate(said)
+        said = []
+        answers: dict[str, list[tuple[str, bytes]]] = {name: [] for name, _ in heard}
+        for name, payload in heard:
+            sink(name, Frame(RADIO_RX, Text(payload)))
+            answers[name] += _carry(name, agents[name].receive(payload, now_s), world, sink)
+        for name in world.order:
+            said += answers.get(name, ())
+
+
+def _carry(name: str, frames: list[Frame], world: World, sink: Sink) -> list[tuple[str, bytes]]:
+    """Pass an agent's frames on; return what it says by radio."""
+    said = []
+    for frame in frames:
+        sink(name, frame)
+        match frame.message:
+            case Odometry() as odometry if frame.topic is ODOM:
+                world.see(name, odometry)
+            case Text(data) if frame.topic is RADIO_TX:
+                said.append((name, data))
+    return said

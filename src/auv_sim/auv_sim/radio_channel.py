@@ -1,0 +1,118 @@
+"""
+The radio channel: who hears whom, decided from true positions.
+
+Radio does not reach under water and not beyond its range. Nothing an agent does can change that:
+vehicles never address each other's topics, and what they say comes here first.
+"""
+
+from __future__ import annotations
+
+import enum
+from collections import Counter
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+from msgs_json import codec
+from msgs_json.codec import MessageError
+from msgs_json.geometry import Point, within_range
+from msgs_json.messages import BlockReason, RadioStatus
+
+
+class StationKind(enum.Enum):
+    """What carries a radio."""
+
+    AUV = 'auv'
+    UAV = 'uav'
+    C3 = 'c3'
+
+
+_LINKS = frozenset(
+    {
+        (StationKind.AUV, StationKind.UAV),
+        (StationKind.UAV, StationKind.AUV),
+        (StationKind.UAV, StationKind.C3),
+        (StationKind.C3, StationKind.UAV),
+    }
+)
+"""Who has a radio link with whom; C3's own radio speaks only with the UAV."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ChannelModel:
+    """The physics of the channel."""
+
+    range_m: float
+    max_message_bytes: int
+
+
+@dataclass(slots=True)
+class _Station:
+    kind: StationKind
+    position: Point | None = None
+    z_m: float = 0.0
+
+
+class RadioChannel:
+    """Gates what is said; owns the true positions and the counters."""
+
+    def __init__(self, model: ChannelModel, stations: dict[str, StationKind]) -> None:
+        self._model = model
+        self._stations = {name: _Station(kind) for name, kind in stations.items()}
+        self._delivered = 0
+        self._blocked: Counter[BlockReason] = Counter()
+
+    def locate(self, name: str, position: Point, z_m: float) -> None:
+        """Note where a station truly is; height in metres, negative under water."""
+        station = self._stations[name]
+        station.position, station.z_m = position, z_m
+
+    def deliveries(self, said: Iterable[tuple[str, bytes]]) -> list[tuple[str, bytes]]:
+        """
+        Return who hears what of all that was said, in the order in which it was said.
+
+        Parameters
+        ----------
+        said
+            Station that spoke (known from its topic, whatever the message claims) and payload.
+
+        Returns
+        -------
+        list of (str, bytes)
+            Receiving station and payload, unchanged.
+
+        """
+        heard = []
+        for speaker, payload in said:
+            verdict = self._verdict(speaker, payload)
+            if isinstance(verdict, BlockReason):
+                self._blocked[verdict] += 1
+            else:
+                self._delivered += 1
+                heard.append((verdict, payload))
+        return heard
+
+    def status(self) -> RadioStatus:
+        """Return the counters since the start."""
+        return RadioStatus(
+            delivered=self._delivered,
+            blocked={reason.value: self._blocked[reason] for reason in BlockReason},
+        )
+
+    def _verdict(self, speaker: str, payload: bytes) -> str | BlockReason:
+        """Return the name of the receiver, or why nobody hears the message."""
+        if len(payload) > self._model.max_message_bytes:
+            return BlockReason.SIZE
+        try:
+            envelope = codec.open_envelope(payload)
+        except MessageError:
+            return BlockReason.MALFORMED
+        source, target = self._stations[speaker], self._stations.get(envelope.dst)
+        if envelope.src != speaker or target is None or (source.kind, target.kind) not in _LINKS:
+            return BlockReason.UNKNOWN_SENDER
+        if source.z_m < 0 or target.z_m < 0:
+            return BlockReason.SUBMERGED
+        if source.position is None or target.position is None:
+            return BlockReason.RANGE
+        if not within_range(source.position.distance_m(target.position), self._model.range_m):
+            return BlockReason.RANGE
+        return envelope.dst

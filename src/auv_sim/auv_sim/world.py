@@ -1,0 +1,84 @@
+"""
+The simulated world without I/O: time, true positions and the radio between the agents.
+
+Both ways to run a mission use it: the kernel in one process, and the world node over topics.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+from auv_sim.radio_channel import ChannelModel, RadioChannel, StationKind
+from msgs_json.agent_shell import Frame, Speaker
+from msgs_json.geometry import Point
+from msgs_json.messages import MissionStopped, RadioStatus
+from msgs_json.ros_messages import ClockTime, Odometry
+from msgs_json.topics import CLOCK, MISSION_EVENTS, RADIO_STATUS
+
+WORLD = 'world'
+HARD_STOP = 'hard stop: max_mission_s is reached'
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class WorldSpec:
+    """What the world is made of."""
+
+    stations: dict[str, StationKind]
+    """Agents by name, in the fixed order in which their messages are gated."""
+    c3_position: Point
+    channel: ChannelModel
+    tick_s: float
+    max_mission_s: float
+    """Hard stop, seconds of simulated time."""
+
+
+class World:
+    """Counts ticks, knows where everybody is, and gates the radio."""
+
+    def __init__(self, spec: WorldSpec) -> None:
+        self._spec = spec
+        self._channel = RadioChannel(spec.channel, spec.stations)
+        for name, kind in spec.stations.items():
+            if kind is StationKind.C3:
+                self._channel.locate(name, spec.c3_position, 0.0)
+        self._speaker = Speaker(WORLD)
+        self._shown: RadioStatus | None = None
+        self.tick = 0
+        self.order = tuple(spec.stations)
+        (self.c3,) = (n for n, kind in spec.stations.items() if kind is StationKind.C3)
+
+    @property
+    def now_s(self) -> float:
+        """Return the simulated time."""
+        return self.tick * self._spec.tick_s
+
+    @property
+    def time_is_up(self) -> bool:
+        """Return whether the next tick would lie beyond the hard stop."""
+        return (self.tick + 1) * self._spec.tick_s > self._spec.max_mission_s
+
+    def clock(self) -> Frame:
+        """Return the clock of this tick."""
+        return Frame(CLOCK, ClockTime(time_s=self.now_s))
+
+    def see(self, name: str, odometry: Odometry) -> None:
+        """Note where a vehicle truly is."""
+        self._channel.locate(name, odometry.position, odometry.z_m)
+
+    def gate(self, said: Iterable[tuple[str, bytes]]) -> list[tuple[str, bytes]]:
+        """Return who hears what of one round; ``said`` is in agent order, then as spoken."""
+        return self._channel.deliveries(said)
+
+    def radio_status(self) -> list[Frame]:
+        """Return the radio counters where they have changed since they were last shown."""
+        status = self._channel.status()
+        if status == self._shown:
+            return []
+        self._shown = status
+        return [self._speaker.frame(RADIO_STATUS, status, self.now_s)]
+
+    def stopped(self, reason: str, node: str | None = None) -> Frame:
+        """Return the log entry of an end that C3 did not call."""
+        event = MissionStopped(reason=reason, node=node)
+        return self._speaker.frame(MISSION_EVENTS, event, self.now_s)

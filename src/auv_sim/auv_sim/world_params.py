@@ -1,0 +1,72 @@
+"""The simulated world's settings, as node parameters."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+from auv_sim.radio_channel import ChannelModel, StationKind
+from auv_sim.world import World, WorldSpec
+from msgs_json.geometry import Point
+from msgs_json.params import Params, param
+
+
+class WorldParams(Params, frozen=True):
+    """Parameters of ``auv_sim world``."""
+
+    auvs: Annotated[tuple[str, ...], param('AUV names, in visiting order')] = (
+        'auv_1',
+        'auv_2',
+        'auv_3',
+    )
+    uav: Annotated[str, param('name of the UAV')] = 'uav'
+    c3: Annotated[str, param('name of the station')] = 'c3'
+    c3_east_m: Annotated[float, param('position of the station', unit='m', ge=-1e6, le=1e6)] = 50.0
+    c3_north_m: Annotated[float, param('position of the station', unit='m', ge=-1e6, le=1e6)] = 0.0
+    range_m: Annotated[float, param('radio range, R', unit='m', ge=0.001, le=1e6)] = 20.0
+    max_message_bytes: Annotated[
+        int, param('longer radio messages are blocked', unit='bytes', ge=256, le=2**30)
+    ] = 65_536
+    tick_s: Annotated[float, param('length of a tick', unit='s', ge=0.001, le=3600)] = 1.0
+    max_mission_s: Annotated[
+        float, param('hard stop in simulated time', unit='s', ge=1, le=1e7)
+    ] = 3600.0
+    rate: Annotated[
+        float, param('pace as a multiple of real time; 0: as fast as possible', ge=0, le=1e6)
+    ] = 0.0
+    recorder: Annotated[bool, param('wait for a recorder, and never let it fall behind')] = False
+    start_timeout_s: Annotated[
+        float, param('wall time to wait for all nodes; 0: for ever', unit='s', ge=0, le=1e6)
+    ] = 0.0
+    reply_timeout_s: Annotated[
+        float,
+        param('wall time after which a silent node is reported as dead', unit='s', ge=1, le=1e6),
+    ] = 10.0
+
+
+def make_world(params: WorldParams) -> World:
+    """
+    Return the world.
+
+    Raises
+    ------
+    ValueError
+        Two agents have the same name.
+
+    """
+    names = [params.c3, params.uav, *params.auvs]
+    if len(set(names)) < len(names):
+        raise ValueError(f'parameters c3, uav, auvs: names must differ, are {", ".join(names)}')
+    stations = {params.c3: StationKind.C3, params.uav: StationKind.UAV} | dict.fromkeys(
+        params.auvs, StationKind.AUV
+    )
+    return World(
+        WorldSpec(
+            stations=stations,
+            c3_position=Point(east_m=params.c3_east_m, north_m=params.c3_north_m),
+            channel=ChannelModel(
+                range_m=params.range_m, max_message_bytes=params.max_message_bytes
+            ),
+            tick_s=params.tick_s,
+            max_mission_s=params.max_mission_s,
+        )
+    )

@@ -1,0 +1,1 @@
+"""The base station: scenarios, mission and data custody, bags, summary, report, orchestration."""

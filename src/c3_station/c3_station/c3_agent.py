@@ -1,0 +1,229 @@
+"""The station: gives the order, takes custody of the data, shows where the mission stands."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from importlib.metadata import PackageNotFoundError, version
+
+import msgspec
+
+from c3_station.mission_views import diagnostics, occupancy, survey_markers
+from c3_station.scenario import Scenario
+from msgs_json.agent import Log, Output, Publish, Transmit
+from msgs_json.geometry import Cell, path_length_m, surface_deadline_s
+from msgs_json.messages import (
+    Acknowledged,
+    Acknowledgement,
+    AuvOrder,
+    AuvStatus,
+    Leg,
+    Message,
+    MessageRefused,
+    MissionCompleted,
+    MissionOrder,
+    MissionStarted,
+    MissionState,
+    MissionStatus,
+    RelayedSample,
+    Sample,
+    SamplesDelivered,
+    SortieReport,
+)
+from msgs_json.topics import DIAGNOSTICS, EXPLORATION_MAP, MARKERS, MISSION_STATUS
+
+
+@dataclass(slots=True)
+class _Auv:
+    """What C3 knows of an AUV."""
+
+    leg: Leg | None
+    """None once it stays up for recovery."""
+    last_leg_id: int = 0
+    last_met_s: float | None = None
+
+
+class C3Agent:
+    """Sans-I/O behaviour of the station; it stays where it is."""
+
+    def __init__(self, name: str, scenario: Scenario, uav: str, status_period_s: float) -> None:
+        self.name = name
+        self.peers = frozenset({uav})
+        self.finished = False
+        self._scenario = scenario
+        self._uav = uav
+        self._status_period_s = status_period_s
+        self._order: MissionOrder | None = None
+        self._order_acknowledged = False
+        self._auvs: dict[str, _Auv] = {}
+        self._sorties = 0
+        self._samples: dict[tuple[str, int], Sample] = {}
+        """The survey, by AUV and sample number: each sample once, whatever is repeated."""
+        self._cells: dict[Cell, float] = {}
+        """Latest value delivered for each cell."""
+        self._shown_s: float | None = None
+
+    def tick(self, now_s: float) -> list[Output]:
+        """Repeat the order until the UAV has it; show the status from time to time."""
+        output: list[Output] = []
+        if self._order is None:
+            self._order = _mission_order(self._scenario, now_s)
+            self._auvs = {auv.name: _Auv(leg=auv.leg) for auv in self._order.auvs}
+            output.append(Log(self._started(), now_s))
+            output += self._show_survey(now_s)
+        if not self._order_acknowledged:
+            output.append(Transmit(self._uav, self._order))
+        if self._shown_s is None or now_s - self._shown_s >= self._status_period_s:
+            output += self._show_status(now_s)
+        return output
+
+    def receive(self, src: str, message: Message, now_s: float) -> list[Output]:
+        """Take the UAV's acknowledgement of the order, and its sortie reports."""
+        match message:
+            case Acknowledgement(acknowledges=Acknowledged.MISSION_ORDER):
+                if self._order_acknowledged:
+                    return []
+                self._order_acknowledged = True
+                return self._show_status(now_s)
+            case SortieReport():
+                return self._take_over(message, now_s)
+            case _:
+                detail = f'C3 takes no {type(message).__name__}'
+                refused = MessageRefused(sender=src, reason='unexpected', detail=detail)
+                return [Log(refused, now_s)]
+
+    def _started(self) -> MissionStarted:
+        return MissionStarted(
+            scenario=msgspec.Raw(msgspec.json.encode(self._scenario)),
+            planner=self._scenario.planner.name,
+            seed=self._scenario.seed,
+            software_version=_software_version(),
+        )
+
+    # --- custody ---------------------------------------------------------------------------------
+
+    def _take_over(self, report: SortieReport, now_s: float) -> list[Output]:
+        acknowledgement = Transmit(
+            self._uav,
+            Acknowledgement(acknowledges=Acknowledged.SORTIE_REPORT, reference=report.sortie),
+        )
+        if report.sortie <= self._sorties:
+            return [acknowledgement]  # repeated by the UAV: it missed our answer
+        unknown = {meeting.auv for meeting in report.meetings} - self._auvs.keys()
+        if unknown:
+            detail = f'meetings name {", ".join(sorted(unknown))}, not in this mission'
+            refused = MessageRefused(sender=self._uav, reason='bad_report', detail=detail)
+            return [Log(refused, now_s)]
+        self._sorties = report.sortie
+        for meeting in report.meetings:
+            auv = self._auvs[meeting.auv]
+            auv.leg, auv.last_met_s = meeting.next_leg, meeting.time_s
+            if meeting.next_leg is not None:
+                auv.last_leg_id = meeting.next_leg.leg_id
+        new = self._store(report.samples)
+        delivered = SamplesDelivered(
+            sortie=report.sortie, samples=new, cells_delivered=len(self._cells)
+        )
+        output: list[Output] = [acknowledgement, Log(delivered, now_s)]
+        if all(auv.leg is None for auv in self._auvs.values()):
+            self.finished = True
+            completed = MissionCompleted(
+                cells_delivered=len(self._cells), samples_delivered=len(self._samples)
+            )
+            output.append(Log(completed, now_s))
+        return output + self._show_survey(now_s) + self._show_status(now_s)
+
+    def _store(self, relayed: tuple[RelayedSample, ...]) -> int:
+        """Store the samples that are not here yet and return how many there were."""
+        known = len(self._samples)
+        for item in relayed:
+            self._samples[item.auv, item.sample.number] = item.sample
+            self._cells[item.sample.cell] = item.sample.value
+        return len(self._samples) - known
+
+    # --- what people see -------------------------------------------------------------------------
+
+    def _show_survey(self, now_s: float) -> list[Output]:
+        region = self._scenario.region
+        return [
+            Publish(EXPLORATION_MAP, occupancy(region, self._cells, now_s)),
+            Publish(MARKERS, survey_markers(region, self._scenario.c3, self._cells, now_s)),
+        ]
+
+    def _show_status(self, now_s: float) -> list[Output]:
+        self._shown_s = now_s
+        status = self._status()
+        return [
+            Publish(MISSION_STATUS, status),
+            Publish(DIAGNOSTICS, diagnostics(status, now_s)),
+        ]
+
+    def _status(self) -> MissionStatus:
+        delivered_by_auv = dict.fromkeys(self._auvs, 0)
+        for name, _ in self._samples:
+            delivered_by_auv[name] += 1
+        return MissionStatus(
+            mission_id=self._scenario.name,
+            state=self._state(),
+            sorties=self._sorties,
+            cells_total=self._scenario.region.cells_total,
+            cells_delivered=len(self._cells),
+            samples_delivered=len(self._samples),
+            auvs=tuple(
+                AuvStatus(
+                    name=name,
+                    leg_id=auv.last_leg_id,
+                    predicted_cells=auv.leg.path if auv.leg else (),
+                    surface_deadline_s=auv.leg.surface_deadline_s if auv.leg else None,
+                    last_met_s=auv.last_met_s,
+                    samples_delivered=delivered_by_auv[name],
+                )
+                for name, auv in self._auvs.items()
+            ),
+        )
+
+    def _state(self) -> MissionState:
+        if self.finished:
+            return MissionState.COMPLETED
+        if not self._order_acknowledged:
+            return MissionState.STARTING
+        if len(self._cells) == self._scenario.region.cells_total:
+            return MissionState.RECOVERING
+        return MissionState.SURVEYING
+
+
+def _mission_order(scenario: Scenario, now_s: float) -> MissionOrder:
+    def initial_leg(path: tuple[Cell, ...], speed_mps: float) -> Leg:
+        deadline_s = surface_deadline_s(
+            now_s,
+            path_length_m([scenario.region.centre(cell) for cell in path]),
+            speed_mps,
+            scenario.sortie.surface_margin_s,
+            scenario.tick_s,
+        )
+        return Leg(leg_id=0, path=path, surface_deadline_s=deadline_s)
+
+    return MissionOrder(
+        mission_id=scenario.name,
+        region=scenario.region,
+        c3=scenario.c3,
+        radio_range_m=scenario.radio.range_m,
+        sortie_limit_s=scenario.sortie.limit_s,
+        path_cells=scenario.planner.path_cells,
+        min_path_cells=scenario.planner.min_path_cells,
+        surface_margin_s=scenario.sortie.surface_margin_s,
+        auvs=tuple(
+            AuvOrder(
+                name=auv.name,
+                speed_mps=auv.speed_mps,
+                leg=initial_leg(auv.initial_path, auv.speed_mps),
+            )
+            for auv in scenario.auvs
+        ),
+    )
+
+
+def _software_version() -> str:
+    try:
+        return version('c3_station')
+    except PackageNotFoundError:
+        return 'not installed'

@@ -1,0 +1,37 @@
+"""The station's settings, as node parameters, and the agent made from them."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+from c3_station.c3_agent import C3Agent
+from c3_station.scenario_files import parse_scenario
+from msgs_json.agent_shell import AgentShell
+from msgs_json.params import Params, param
+
+
+class C3Params(Params, frozen=True):
+    """Parameters of ``c3_station c3``."""
+
+    name: Annotated[str, param('agent name; empty: the last part of the node namespace')] = ''
+    uav: Annotated[str, param('name of the UAV')] = 'uav'
+    scenario: Annotated[
+        str, param('the mission: a shipped scenario, a scenario file, or its JSON')
+    ] = 'ecc2009'
+    status_period_s: Annotated[
+        float, param('mission status at least this often', unit='s', ge=0.1, le=3600)
+    ] = 10.0
+
+
+def make_c3(params: C3Params) -> AgentShell:
+    """
+    Return the station's agent.
+
+    Raises
+    ------
+    ValueError
+        The scenario is not usable; the text says where.
+
+    """
+    scenario = parse_scenario(params.scenario)
+    return AgentShell(C3Agent(params.name, scenario, params.uav, params.status_period_s))

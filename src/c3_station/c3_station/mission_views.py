@@ -1,0 +1,94 @@
+"""What C3 shows people and tools: the delivered map, the survey as coloured cells, diagnostics."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from msgs_json.geometry import Cell, GridSpec, Point
+from msgs_json.messages import MissionStatus
+from msgs_json.ros_messages import (
+    ColouredCells,
+    Diagnostic,
+    Diagnostics,
+    Markers,
+    Occupancy,
+)
+
+UNKNOWN = -1
+SURVEYED = 0
+
+# Ends and middle of the cividis colour map, which reads the same with any colour vision.
+_LOW, _MIDDLE, _HIGH = (0.0, 0.13, 0.30), (0.49, 0.48, 0.47), (1.0, 0.91, 0.27)
+_STATION_COLOUR = (0.84, 0.37, 0.0)
+
+
+def occupancy(region: GridSpec, delivered: Mapping[Cell, float], now_s: float) -> Occupancy:
+    """Return the map of delivered cells: 0 where there is a sample, -1 (unknown) elsewhere."""
+    return Occupancy(
+        stamp_s=now_s,
+        cell_m=region.cell_m,
+        values=tuple(
+            tuple(SURVEYED if (col, row) in delivered else UNKNOWN for col in range(region.cols))
+            for row in range(region.rows)
+        ),
+    )
+
+
+def survey_markers(
+    region: GridSpec, c3: Point, delivered: Mapping[Cell, float], now_s: float
+) -> Markers:
+    """Return the delivered values as coloured cells, from dark (lowest) to bright, and C3."""
+    low = min(delivered.values(), default=0.0)
+    span = max(delivered.values(), default=0.0) - low or 1.0
+    survey = ColouredCells(
+        name='survey',
+        centres=tuple(region.centre(cell) for cell in delivered),
+        colours=tuple(_colour((value - low) / span) for value in delivered.values()),
+        width_m=region.cell_m,
+    )
+    station = ColouredCells(
+        name='c3', centres=(c3,), colours=(_STATION_COLOUR,), width_m=region.cell_m / 2
+    )
+    return Markers(stamp_s=now_s, cells=(survey, station))
+
+
+def diagnostics(status: MissionStatus, now_s: float) -> Diagnostics:
+    """Return the mission's state and each AUV's as diagnostics (REP-107)."""
+    mission = Diagnostic(
+        name='c3: mission',
+        level=0,
+        message=status.state.value,
+        values=(
+            ('sorties', str(status.sorties)),
+            ('cells delivered', f'{status.cells_delivered} of {status.cells_total}'),
+            ('samples delivered', str(status.samples_delivered)),
+        ),
+    )
+    vehicles = tuple(
+        Diagnostic(
+            name=f'c3: {auv.name}',
+            level=0,
+            message='survey' if auv.surface_deadline_s is not None else 'recovered',
+            values=(
+                ('leg', str(auv.leg_id)),
+                ('surfaced at the latest, s', _text(auv.surface_deadline_s)),
+                ('last met, s', _text(auv.last_met_s)),
+                ('samples delivered', str(auv.samples_delivered)),
+            ),
+        )
+        for auv in status.auvs
+    )
+    return Diagnostics(stamp_s=now_s, statuses=(mission, *vehicles))
+
+
+def _colour(share: float) -> tuple[float, float, float]:
+    """Return the colour of a share between 0 and 1."""
+    start, end, part = (
+        (_LOW, _MIDDLE, 2 * share) if share < 0.5 else (_MIDDLE, _HIGH, 2 * share - 1)
+    )
+    red, green, blue = (a + part * (b - a) for a, b in zip(start, end, strict=True))
+    return red, green, blue
+
+
+def _text(time_s: float | None) -> str:
+    return '-' if time_s is None else f'{time_s:g}'

@@ -1,0 +1,76 @@
+"""The UAV's settings, as node parameters, and the agent made from them."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import msgspec
+
+from msgs_json.agent_shell import AgentShell
+from msgs_json.drivers import DriverPorts, UavDriverSetup, find_driver
+from msgs_json.geometry import Point
+from msgs_json.params import Params, param
+from uav_planner.planners import make_planner
+from uav_planner.uav_agent import UavAgent, UavSetup
+
+DRIVERS = 'uav_planner.drivers'
+
+
+class UavParams(Params, frozen=True):
+    """Parameters of ``uav_planner uav``."""
+
+    name: Annotated[str, param('agent name; empty: the last part of the node namespace')] = ''
+    c3: Annotated[str, param('name of the station')] = 'c3'
+    home_east_m: Annotated[
+        float, param('where the UAV starts: the position of C3', unit='m', ge=-1e6, le=1e6)
+    ] = 50.0
+    home_north_m: Annotated[
+        float, param('where the UAV starts: the position of C3', unit='m', ge=-1e6, le=1e6)
+    ] = 0.0
+    speed_mps: Annotated[float, param('air speed', unit='m/s', ge=0.01, le=1000)] = 4.0
+    altitude_m: Annotated[float, param('height of flight', unit='m', ge=0, le=20_000)] = 30.0
+    tick_s: Annotated[float, param('length of a tick', unit='s', ge=0.001, le=3600)] = 1.0
+    arrival_radius_m: Annotated[
+        float,
+        param('closer than this to a waypoint counts as there', unit='m', ge=0, le=1000),
+    ] = 0.0
+    planner: Annotated[str, param('chooses the paths of the AUVs')] = 'ecc2009'
+    planner_options: Annotated[str, param('settings of that planner, JSON object')] = '{}'
+    driver: Annotated[str, param(f'vehicle driver, an entry point of {DRIVERS}')] = 'kinematic'
+
+
+def make_uav(params: UavParams, ports: DriverPorts) -> AgentShell:
+    """
+    Return the UAV's agent with its planner and its driver.
+
+    Raises
+    ------
+    ValueError
+        A parameter is not usable; the text names it.
+
+    """
+    try:
+        options = msgspec.json.decode(params.planner_options, type=dict[str, object])
+    except msgspec.DecodeError as error:
+        raise ValueError(
+            f'parameter planner_options is {params.planner_options!r}: {error}'
+        ) from None
+    setup = UavDriverSetup(
+        name=params.name,
+        home=Point(east_m=params.home_east_m, north_m=params.home_north_m),
+        speed_mps=params.speed_mps,
+        altitude_m=params.altitude_m,
+    )
+    agent = UavAgent(
+        params.name,
+        UavSetup(
+            c3=params.c3,
+            speed_mps=params.speed_mps,
+            altitude_m=params.altitude_m,
+            tick_s=params.tick_s,
+            arrival_radius_m=params.arrival_radius_m,
+        ),
+        make_planner(params.planner, **options),
+        find_driver(DRIVERS, params.driver)(setup, ports),
+    )
+    return AgentShell(agent)
