@@ -1,0 +1,118 @@
+"""The exploration map of the UAV: what every cell is still worth and which are surveyed."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Sequence
+
+    from numpy.typing import NDArray
+
+    from msgs_json.geometry import Cell, GridSpec
+
+
+class ExplorationMap:
+    """
+    Cell values ``V(C)`` of ECC 2009, Section III.B: 1 when unexplored, halved at every visit.
+
+    A visit counts from the moment a path is assigned, so that other AUVs avoid its cells, and is
+    taken back where the report says that the cell was not reached. The map counts entries and
+    derives each value from its count: a value is always ``2 ** -entries``, whatever the order of
+    calls, and a confirmed cell has at least one entry. A call that would break this is refused
+    as a whole and changes nothing.
+
+    Parameters
+    ----------
+    grid
+        The surveyed region.
+    start_cells
+        Where the AUVs are at the start of the mission, one per AUV: entered at t = 0.
+
+    Raises
+    ------
+    ValueError
+        Here and in every method: a cell lies outside the region.
+
+    """
+
+    def __init__(self, grid: GridSpec, start_cells: Iterable[Cell]) -> None:
+        self._grid = grid
+        self._entries = np.zeros((grid.rows, grid.cols), dtype=np.int64)
+        self._confirmed = np.zeros((grid.rows, grid.cols), dtype=np.bool_)
+        self._values = np.ones((grid.rows, grid.cols))
+        self._values_view = self._values.view()
+        self._values_view.flags.writeable = False
+        starts = list(start_cells)
+        self._add_entries(starts, 1)
+        self.confirm(starts)
+
+    @property
+    def values(self) -> NDArray[np.float64]:
+        """Return a live, read-only view of the values, shape (rows, cols), ``[row, col]``."""
+        return self._values_view
+
+    @property
+    def is_explored(self) -> bool:
+        """Return whether every cell is confirmed as really visited."""
+        return bool(self._confirmed.all())
+
+    def assign(self, path: Sequence[Cell]) -> None:
+        """Halve every cell of a new path as often as it enters it; `P_0` was entered before."""
+        self._add_entries(path[1:], 1)
+
+    def restore(self, cells: Iterable[Cell]) -> None:
+        """
+        Take back the entries of assigned cells that the AUV did not reach.
+
+        Confirm the cells it did reach first.
+
+        Raises
+        ------
+        ValueError
+            A cell has no such entry: never assigned, or only the one that was confirmed.
+
+        """
+        self._add_entries(list(cells), -1)
+
+    def confirm(self, cells: Iterable[Cell]) -> None:
+        """
+        Mark cells as really visited; once is enough.
+
+        Raises
+        ------
+        ValueError
+            A cell was never assigned.
+
+        """
+        indices = [self._index(cell) for cell in cells]
+        for row, col in indices:
+            if self._entries[row, col] == 0:
+                raise ValueError(f'cell {[col, row]} is reported visited but was never assigned')
+        for index in indices:
+            self._confirmed[index] = True
+
+    def _add_entries(self, cells: Sequence[Cell], sign: int) -> None:
+        """Change the entries of each cell by ``sign`` per occurrence, and its value with them."""
+        changed: dict[tuple[int, int], int] = {}
+        for cell, occurrences in Counter(cells).items():
+            index = self._index(cell)
+            changed[index] = int(self._entries[index]) + sign * occurrences
+            if changed[index] < int(self._confirmed[index]):
+                raise ValueError(f'cell {list(cell)} has no assigned entry left to take back')
+        for index, entries in changed.items():
+            self._entries[index] = entries
+            self._values[index] = math.ldexp(1.0, -entries)
+
+    def _index(self, cell: Cell) -> tuple[int, int]:
+        """Return the array index of a cell of the region (numpy would wrap a negative one)."""
+        if not self._grid.contains(cell):
+            raise ValueError(
+                f'cell {list(cell)} is outside the region of '
+                f'{self._grid.cols} columns and {self._grid.rows} rows'
+            )
+        return self._grid.index(cell)
