@@ -1,0 +1,169 @@
+"""The terminal view of a running mission (rich)."""
+
+from __future__ import annotations
+
+from rich.align import Align
+from rich.console import Console, ConsoleOptions, Group, RenderResult
+from rich.panel import Panel
+from rich.progress_bar import ProgressBar
+from rich.table import Table
+from rich.text import Text
+
+from c3_station.mission_monitor import AuvView, MissionMonitor, SortieView
+
+# Okabe-Ito: told apart with any colour vision. The last one is the UAV's.
+_AUV_COLOURS = ('#56B4E9', '#E69F00', '#009E73', '#CC79A7', '#F0E442', '#D55E00')
+_UAV_COLOUR = 'bold #FFFFFF'
+_LOG_LINES = 8
+_MAP_COLS_MAX = 40
+
+
+class LiveView:
+    """Renders a `MissionMonitor`; give it to `rich.live.Live` and refresh."""
+
+    def __init__(self, mission: MissionMonitor, title: str) -> None:
+        self._mission = mission
+        self._title = title
+        self.real_time_factor = 0.0
+
+    def __rich_console__(self, console: Console, options: ConsoleOptions) -> RenderResult:
+        """Lay out map and state side by side, the log below."""
+        mission = self._mission
+        state = Group(self._clock(), self._uav(), Text(), self._coverage(), Text(), self._auvs())
+        show_map = (
+            mission.scenario.region.cols <= _MAP_COLS_MAX
+            and options.max_width >= 2 * mission.scenario.region.cols + 60
+        )
+        body = Table.grid(padding=(0, 2), expand=True)
+        if show_map:
+            body.add_column(width=2 * mission.scenario.region.cols + 4)
+            body.add_column(ratio=1)
+            body.add_row(self._map(), state)
+        else:
+            body.add_row(state)
+        yield Panel(
+            Group(body, Text(), self._log()),
+            title=f'[bold]Shearwater[/]  {self._title}',
+            title_align='left',
+            border_style='dim',
+        )
+
+    def _clock(self) -> Text:
+        mission = self._mission
+        text = Text.assemble(
+            ('t = ', 'dim'),
+            (f'{mission.now_s:7.1f} s', 'bold'),
+            ('    real time ', 'dim'),
+            f'x {self.real_time_factor:,.1f}',
+        )
+        if mission.refused:
+            text.append(f'    refused messages {mission.refused}', style='bold #D55E00')
+        return text
+
+    def _uav(self) -> Text:
+        mission = self._mission
+        text = Text.assemble(('UAV   ', _UAV_COLOUR))
+        sortie = mission.sortie
+        if sortie is None:
+            text.append(mission.ended or 'at C3, waiting for the next departure')
+            return text
+        flown_s = mission.now_s - sortie.departed_s
+        late = sortie.worst_case_s > sortie.limit_s
+        text.append(f'sortie {sortie.number}, {self._doing(sortie)}   ')
+        text.append(f'{flown_s:3.0f}', style='bold')
+        text.append(f' of {sortie.limit_s:.0f} s  ')
+        text.append(
+            f'worst case {sortie.worst_case_s:.0f} s', style='bold #D55E00' if late else 'dim'
+        )
+        return text
+
+    @staticmethod
+    def _doing(sortie: SortieView) -> str:
+        target = sortie.target()
+        return f'looking for {target}' if target else 'flying home'
+
+    def _coverage(self) -> Table:
+        mission = self._mission
+        total = mission.scenario.region.cells_total
+        table = Table.grid(padding=(0, 1))
+        for label, cells, colour in (
+            ('entered', len(mission.entered), '#56B4E9'),
+            ('delivered', mission.cells_delivered, '#009E73'),
+        ):
+            bar = ProgressBar(
+                total=total,
+                completed=cells,
+                width=24,
+                complete_style=colour,
+                finished_style=colour,
+            )
+            table.add_row(Text(label, 'dim'), bar, f'{cells} of {total} cells')
+        neglect_s = mission.neglect_s()
+        share = neglect_s / (mission.explored_s or mission.now_s or 1.0)
+        table.add_row(Text('neglect', 'dim'), f'{neglect_s:.0f} s', f'{share:.1%} of the mission')
+        table.add_row(
+            Text('sorties', 'dim'),
+            f'{mission.sorties_flown} flown',
+            f'longest {mission.longest_sortie_s:.0f} of {mission.scenario.sortie.limit_s:.0f} s',
+        )
+        return table
+
+    def _auvs(self) -> Table:
+        mission = self._mission
+        table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0), header_style='dim')
+        for column in ('AUV', 'state', 'leg', 'last met', 'neglect'):
+            table.add_column(column, justify='right' if column == 'neglect' else 'left')
+        for number, (name, auv) in enumerate(mission.auvs.items()):
+            table.add_row(
+                Text(f'{number + 1} {name}', _colour(number)),
+                _state(auv, mission.now_s),
+                f'{auv.cells_entered}/{max(0, len(auv.path) - 1)} cells',
+                '-' if auv.last_met_s is None else f'{auv.last_met_s:.0f} s',
+                f'{mission.auv_neglect_s(auv):.0f} s',
+            )
+        return table
+
+    def _map(self) -> Align:
+        mission = self._mission
+        region = mission.scenario.region
+        occupied = {
+            region.cell_at(auv.position): (str((number + 1) % 10), _colour(number), auv)
+            for number, auv in enumerate(mission.auvs.values())
+        }
+        uav_cell = region.cell_at(mission.uav_position)
+        rows = Text()
+        for row in reversed(range(region.rows)):
+            for col in range(region.cols):
+                cell = (col, row)
+                if cell in occupied:
+                    mark, colour, auv = occupied[cell]
+                    style = f'{colour} dim' if auv.submerged else f'bold black on {colour}'
+                    rows.append(mark, style)
+                else:
+                    rows.append('·' if cell not in mission.entered else '█', '#3B6E8F')
+                rows.append('✈' if cell == uav_cell else ' ', _UAV_COLOUR)
+            rows.append('\n')
+        c3_col = region.cell_at(mission.scenario.c3)[0]
+        rows.append(' ' * (2 * c3_col) + '⌂ C3', style='#E69F00')
+        return Align(Panel(rows, border_style='dim', padding=(0, 1), width=2 * region.cols + 4))
+
+    def _log(self) -> Table:
+        table = Table.grid(padding=(0, 2))
+        lines = list(self._mission.log)[-_LOG_LINES:]
+        for time_s, source, text in lines:
+            table.add_row(Text(f'{time_s:8.1f} s', 'dim'), Text(source, 'dim'), text)
+        for _ in range(_LOG_LINES - len(lines)):
+            table.add_row('', '', '')
+        return table
+
+
+def _colour(number: int) -> str:
+    return _AUV_COLOURS[number % len(_AUV_COLOURS)]
+
+
+def _state(auv: AuvView, now_s: float) -> Text:
+    if auv.recovered:
+        return Text('up for recovery', '#009E73')
+    if auv.surfaced_s is not None:
+        return Text(f'waiting {auv.waiting_s(now_s):.0f} s', 'bold #E69F00')
+    return Text('under water', 'dim')

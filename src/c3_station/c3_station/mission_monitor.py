@@ -1,0 +1,193 @@
+"""What a person wants to know of a running mission, kept up to date from what is published."""
+
+from __future__ import annotations
+
+from collections import deque
+from dataclasses import dataclass, field
+
+from c3_station.scenario import Scenario
+from msgs_json.geometry import Cell, Point
+from msgs_json.messages import (
+    CellEntered,
+    Dived,
+    Event,
+    MessageRefused,
+    Met,
+    Missed,
+    MissionCompleted,
+    MissionStopped,
+    SamplesDelivered,
+    SortieDeparted,
+    SortieReturned,
+    StayedUp,
+    Surfaced,
+)
+from msgs_json.ros_messages import Odometry
+
+_LOG_LINES = 200
+
+
+@dataclass(slots=True)
+class AuvView:
+    """One AUV as seen from outside."""
+
+    position: Point
+    submerged: bool = True
+    path: tuple[Cell, ...] = ()
+    cells_entered: int = 0
+    surfaced_s: float | None = None
+    """Since when it waits at the surface; None while it does not."""
+    neglect_s: float = 0.0
+    """Waits that are over."""
+    last_met_s: float | None = None
+    recovered: bool = False
+
+    def waiting_s(self, now_s: float) -> float:
+        """Return how long it has been waiting, 0 if it does not."""
+        return 0.0 if self.surfaced_s is None else now_s - self.surfaced_s
+
+
+@dataclass(slots=True)
+class SortieView:
+    """The sortie being flown."""
+
+    number: int
+    departed_s: float
+    worst_case_s: float
+    limit_s: float
+    order: tuple[str, ...]
+    met: list[str] = field(default_factory=list)
+
+    def target(self) -> str | None:
+        """Return the AUV the UAV is after; None on the way home."""
+        return next((name for name in self.order if name not in self.met), None)
+
+
+class MissionMonitor:
+    """The state of a mission, for the live view; fed in any order of sources, in order of time."""
+
+    def __init__(self, scenario: Scenario, uav: str) -> None:
+        self.scenario = scenario
+        self.now_s = 0.0
+        self.uav_name = uav
+        self.uav_position = scenario.c3
+        self.auvs = {
+            auv.name: AuvView(position=scenario.region.centre(auv.initial_path[0]))
+            for auv in scenario.auvs
+        }
+        self.entered: set[Cell] = set()
+        self.explored_s: float | None = None
+        self.cells_delivered = 0
+        self.sortie: SortieView | None = None
+        self.sorties_flown = 0
+        self.longest_sortie_s = 0.0
+        self.refused = 0
+        self.ended: str | None = None
+        self.log: deque[tuple[float, str, str]] = deque(maxlen=_LOG_LINES)
+        """Time, source and text of what happened, newest last."""
+
+    def clock(self, now_s: float) -> None:
+        """Take the simulated time."""
+        self.now_s = now_s
+
+    def odometry(self, name: str, odometry: Odometry) -> None:
+        """Take a vehicle's true pose."""
+        if name == self.uav_name:
+            self.uav_position = odometry.position
+        elif name in self.auvs:
+            auv = self.auvs[name]
+            auv.position, auv.submerged = odometry.position, odometry.z_m < 0
+
+    def event(self, source: str, stamp_s: float, event: Event) -> None:
+        """Take an entry of the mission's log."""
+        text = self._apply(source, stamp_s, event)
+        if text:
+            self.log.append((stamp_s, source, text))
+
+    def neglect_s(self) -> float:
+        """Return the neglect time so far, summed over the AUVs, until the region is explored."""
+        return sum(self.auv_neglect_s(auv) for auv in self.auvs.values())
+
+    def auv_neglect_s(self, auv: AuvView) -> float:
+        """Return one AUV's neglect time so far, until the region is explored."""
+        return auv.neglect_s + (auv.waiting_s(self.now_s) if self.explored_s is None else 0.0)
+
+    def _apply(self, source: str, stamp_s: float, event: Event) -> str | None:
+        """Update the state; return the line for the log, None where it is not worth one."""
+        match event:
+            case CellEntered():
+                return self._cell_entered(source, stamp_s, event)
+            case Dived(path=path):
+                auv = self.auvs[source]
+                self._relieve(auv, stamp_s)
+                auv.path, auv.cells_entered = path, 0
+                return None
+            case Surfaced(cell=cell, outcome=outcome):
+                self.auvs[source].surfaced_s = stamp_s
+                return f'surfaced at {_cell(cell)}, {outcome.value}'
+            case SortieDeparted():
+                self.sortie = SortieView(
+                    number=event.sortie,
+                    departed_s=stamp_s,
+                    worst_case_s=event.worst_case_s,
+                    limit_s=event.limit_s,
+                    order=event.order,
+                )
+                return f'sortie {event.sortie} departs, worst case {event.worst_case_s:.0f} s'
+            case Met():
+                return self._met(stamp_s, event)
+            case Missed(auv=name):
+                return f'{name} not heard on its path'
+            case SortieReturned(sortie=number, duration_s=duration_s):
+                self.sorties_flown, self.sortie = number, None
+                self.longest_sortie_s = max(self.longest_sortie_s, duration_s)
+                return f'sortie {number} is back after {duration_s:.0f} s'
+            case SamplesDelivered(samples=samples, cells_delivered=cells):
+                self.cells_delivered = cells
+                return f'{samples} samples taken over, {cells} cells delivered'
+            case StayedUp():
+                auv = self.auvs[source]
+                self._relieve(auv, stamp_s)
+                auv.recovered = True
+                return 'stays up for recovery'
+            case MissionCompleted():
+                self.ended = 'completed'
+                return 'mission completed'
+            case MissionStopped(reason=reason):
+                self.ended = reason
+                return f'mission stopped: {reason}'
+            case MessageRefused(sender=sender, reason=reason, detail=detail):
+                self.refused += 1
+                return f'refused a message from {sender}: {reason}, {detail}'
+        return None
+
+    def _cell_entered(self, source: str, stamp_s: float, event: CellEntered) -> str | None:
+        self.auvs[source].cells_entered += 1
+        self.entered.add(event.cell)
+        if self.explored_s is None and len(self.entered) == self.scenario.region.cells_total:
+            self.explored_s = stamp_s
+            for auv in self.auvs.values():
+                auv.neglect_s += auv.waiting_s(stamp_s)
+            return f'region explored at {stamp_s:.0f} s'
+        return None
+
+    def _relieve(self, auv: AuvView, stamp_s: float) -> None:
+        """End an AUV's wait; the AUV and the UAV both tell of it, the second changes nothing."""
+        if self.explored_s is None:
+            auv.neglect_s += auv.waiting_s(stamp_s)
+        auv.surfaced_s = None
+
+    def _met(self, stamp_s: float, event: Met) -> str:
+        auv = self.auvs[event.auv]
+        self._relieve(auv, stamp_s)
+        auv.last_met_s = stamp_s
+        if self.sortie is not None:
+            self.sortie.met.append(event.auv)
+        moves = max(0, len(event.path) - 1)
+        return f'met {event.auv} at {_cell(event.cell)}, ' + (
+            f'path of {moves} cells to {_cell(event.path[-1])}' if moves else 'nothing left to do'
+        )
+
+
+def _cell(cell: Cell) -> str:
+    return f'[{cell[0]},{cell[1]}]'
