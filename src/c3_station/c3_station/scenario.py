@@ -1,7 +1,8 @@
 """
 What a mission is: the scenario file as strict types.
 
-Units are in the key names; every key with a default may be left out of the file.
+Units are in the key names; every key with a default may be left out of the file. Ranges are those
+of the node parameters that the values end up in, so that what loads here also starts as nodes.
 """
 
 from __future__ import annotations
@@ -10,59 +11,64 @@ import enum
 from typing import Annotated, Any
 
 import msgspec
+
 from msgs_json.geometry import Cell, GridSpec, Point
 from msgs_json.messages import Name
+from uav_planner.candidate_paths import MOVES_MAX
 
-Positive = Annotated[float, msgspec.Meta(gt=0, le=1e7)]
-NotNegative = Annotated[float, msgspec.Meta(ge=0, le=1e7)]
+NotNegative = Annotated[float, msgspec.Meta(ge=0, le=1e6)]
+PathCells = Annotated[int, msgspec.Meta(ge=1, le=MOVES_MAX)]
+
+RESERVED_NAMES = frozenset({'c3', 'diagnostics', 'recorder', 'uav', 'world'})
+"""Names of the other nodes (and of what stands beside them in the topic tree): not for an AUV."""
 
 
 class Section(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """Base of every part of a scenario file."""
 
 
-class Uav(Section, frozen=True):
+class Uav(Section, frozen=True, kw_only=True):
     """The UAV."""
 
-    speed_mps: Positive
-    altitude_m: NotNegative = 30.0
+    speed_mps: Annotated[float, msgspec.Meta(ge=0.01, le=1000)]
+    altitude_m: Annotated[float, msgspec.Meta(ge=0, le=20_000)] = 30.0
     driver: str = 'kinematic'
 
 
-class Auv(Section, frozen=True):
+class Auv(Section, frozen=True, kw_only=True):
     """One AUV; the list of them is the visiting order."""
 
     name: Name
-    initial_path: Annotated[tuple[Cell, ...], msgspec.Meta(min_length=2)]
-    speed_mps: Positive = 1.0
+    initial_path: Annotated[tuple[Cell, ...], msgspec.Meta(min_length=2, max_length=10_001)]
+    speed_mps: Annotated[float, msgspec.Meta(ge=0.01, le=100)] = 1.0
     depth_m: Annotated[float, msgspec.Meta(ge=1, le=11_000)] = 5.0
     driver: str = 'kinematic'
     surfacing: dict[str, Any] = msgspec.field(default_factory=lambda: {'model': 'on_time'})
     """Surfacing model of the simulator; see `auv_sim.surfacing`."""
 
 
-class Radio(Section, frozen=True):
+class Radio(Section, frozen=True, kw_only=True):
     """The channel between surfaced vehicles."""
 
-    range_m: Positive
+    range_m: Annotated[float, msgspec.Meta(ge=0.001, le=1e6)]
     max_message_bytes: Annotated[int, msgspec.Meta(ge=256, le=2**30)] = 65_536
 
 
-class Sortie(Section, frozen=True):
+class Sortie(Section, frozen=True, kw_only=True):
     """What a sortie must keep to."""
 
-    limit_s: Positive
+    limit_s: Annotated[float, msgspec.Meta(gt=0, le=1e6)]
     surface_margin_s: NotNegative = 0.0
     """Added to every surface deadline S_i."""
 
 
-class PlannerChoice(Section, frozen=True):
+class PlannerChoice(Section, frozen=True, kw_only=True):
     """Which planner chooses the paths, and how long they may be."""
 
     name: str
-    path_cells: Annotated[int, msgspec.Meta(ge=1, le=12)]
+    path_cells: PathCells
     """Moves of a full path, q."""
-    min_path_cells: Annotated[int, msgspec.Meta(ge=1, le=12)] = 1
+    min_path_cells: PathCells = 1
     """Delta."""
     options: dict[str, Any] = msgspec.field(default_factory=dict)
     """Settings of that planner alone."""
@@ -74,25 +80,25 @@ class OnDeath(enum.Enum):
     END = 'end'
 
 
-class Limits(Section, frozen=True):
+class Limits(Section, frozen=True, kw_only=True):
     """A closed interval; an end that is left out is open."""
 
     min: float | None = None
     max: float | None = None
 
 
-class PassConditions(Section, frozen=True):
+class PassConditions(Section, frozen=True, kw_only=True):
     """What the mission's summary must show for exit code 0; null figures never pass."""
 
     explored_s: Limits = Limits()
     delivered_s: Limits = Limits()
     neglect_fraction: Limits = Limits()
     sortie_limit_violations: Limits = Limits()
-    samples_lost: Limits = Limits(max=0)
+    samples_lost: Limits = Limits(max=0.0)
     """``samples_collected - samples_delivered``."""
 
 
-class Scenario(Section, frozen=True):
+class Scenario(Section, frozen=True, kw_only=True):
     """A mission."""
 
     name: Annotated[str, msgspec.Meta(pattern='^[a-z][a-z0-9_]*$', max_length=64)]
@@ -108,7 +114,7 @@ class Scenario(Section, frozen=True):
     seed: Annotated[int, msgspec.Meta(ge=0, le=2**53)] = 0
     field: dict[str, Any] = msgspec.field(default_factory=lambda: {'kind': 'synthetic'})
     """The surveyed scalar field; see `auv_sim.survey_field`."""
-    max_mission_s: Positive
+    max_mission_s: Annotated[float, msgspec.Meta(ge=1, le=1e7)]
     """Hard stop, seconds of simulated time; generous."""
     on_death: OnDeath = OnDeath.END
     pass_conditions: PassConditions = msgspec.field(name='pass', default=PassConditions())

@@ -1,0 +1,143 @@
+"""
+Why a well-formed scenario is no mission: its parts against each other, and parts made elsewhere.
+
+Every check returns all problems it finds.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from functools import partial
+from importlib.metadata import entry_points
+from typing import TYPE_CHECKING
+
+import msgspec
+
+from auv_sim.auv_params import DRIVERS as AUV_DRIVERS
+from auv_sim.surfacing import surfacing_model
+from auv_sim.survey_field import make_field
+from c3_station.scenario import RESERVED_NAMES, Limits, Scenario
+from c3_station.shape_checks import KeyPath, Problem, nearest
+from msgs_json.drivers import find_driver
+from msgs_json.geometry import path_problem
+from uav_planner.planners import PLANNERS, make_planner
+from uav_planner.uav_params import DRIVERS as UAV_DRIVERS
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator
+
+
+def mission_problems(scenario: Scenario) -> list[Problem]:
+    """Return why a well-formed scenario is no mission that can be flown here."""
+    return [*_inconsistencies(scenario), *_unknown_parts(scenario)]
+
+
+# --- one part against another --------------------------------------------------------------------
+
+
+def _inconsistencies(scenario: Scenario) -> Iterator[Problem]:
+    yield from _geometry(scenario)
+    yield from _fleet(scenario)
+    planner = scenario.planner
+    if planner.min_path_cells > planner.path_cells:
+        yield Problem(
+            ('planner', 'min_path_cells'),
+            f'is {planner.min_path_cells}; allowed: at most path_cells, {planner.path_cells}',
+        )
+    for key, time_s in (
+        (('sortie', 'limit_s'), scenario.sortie.limit_s),
+        (('max_mission_s',), scenario.max_mission_s),
+    ):
+        if time_s < scenario.tick_s:
+            yield Problem(
+                key, f'is {time_s:g}; allowed: at least one tick, tick_s {scenario.tick_s:g}'
+            )
+    for name, limits in msgspec.structs.asdict(scenario.pass_conditions).items():
+        yield from _limits(name, limits)
+
+
+def _geometry(scenario: Scenario) -> Iterator[Problem]:
+    # Narrower than the types of messages: what the nodes' parameters take.
+    if scenario.region.cell_m < 0.1:
+        yield Problem(
+            ('region', 'cell_m'), f'is {scenario.region.cell_m:g}; allowed: at least 0.1'
+        )
+    for name in ('east_m', 'north_m'):
+        value_m = getattr(scenario.c3, name)
+        if abs(value_m) > 1e6:
+            yield Problem(('c3', name), f'is {value_m:g}; allowed: -1,000,000 to 1,000,000')
+
+
+def _fleet(scenario: Scenario) -> Iterator[Problem]:
+    count = Counter(auv.name for auv in scenario.auvs)
+    for index, auv in enumerate(scenario.auvs):
+        path: KeyPath = ('auvs', index)
+        if count[auv.name] > 1:
+            yield Problem(
+                (*path, 'name'),
+                f'is {auv.name!r}, as that of {count[auv.name] - 1} other;'
+                ' allowed: a name of its own for each AUV',
+            )
+        if auv.name in RESERVED_NAMES:
+            yield Problem(
+                (*path, 'name'),
+                f'is {auv.name!r}; allowed: any but {", ".join(sorted(RESERVED_NAMES))}',
+            )
+        problem = path_problem(auv.initial_path, scenario.region)
+        if problem:
+            cells = ', '.join(str(list(cell)) for cell in auv.initial_path)
+            yield Problem((*path, 'initial_path'), f'is {cells}: {problem}')
+
+
+def _limits(name: str, limits: Limits) -> Iterator[Problem]:
+    if limits.min is not None and limits.max is not None and limits.min > limits.max:
+        yield Problem(
+            ('pass', name, 'min'), f'is {limits.min:g}; allowed: at most max, {limits.max:g}'
+        )
+
+
+# --- names of parts that live elsewhere ----------------------------------------------------------
+
+
+def _unknown_parts(scenario: Scenario) -> Iterator[Problem]:
+    """Ask whoever makes the parts: planner, drivers, surfacing models, survey field."""
+    planner = scenario.planner
+    yield from _refusal(
+        ('planner', 'name' if planner.name not in PLANNERS else 'options'),
+        partial(make_planner, planner.name, **planner.options),
+        nearest(planner.name, PLANNERS) if planner.name not in PLANNERS else '',
+    )
+    drivers: dict[KeyPath, tuple[str, str]] = {
+        ('uav', 'driver'): (UAV_DRIVERS, scenario.uav.driver)
+    }
+    for index, auv in enumerate(scenario.auvs):
+        path: KeyPath = ('auvs', index)
+        drivers[*path, 'driver'] = (AUV_DRIVERS, auv.driver)
+        yield from _refusal((*path, 'surfacing'), partial(surfacing_model, _json(auv.surfacing)))
+    yield from _unknown_drivers(drivers)
+    yield from _refusal(('field',), partial(make_field, _json(scenario.field), scenario.region))
+
+
+def _unknown_drivers(drivers: dict[KeyPath, tuple[str, str]]) -> Iterator[Problem]:
+    # Each lookup goes through all installed packages: once per name, not once per vehicle.
+    refused: dict[tuple[str, str], str] = {}
+    for group, name in set(drivers.values()):
+        try:
+            find_driver(group, name)
+        except ValueError as error:
+            hint = nearest(name, [entry.name for entry in entry_points(group=group)])
+            refused[group, name] = f'cannot be used: {error}{hint}'
+    for path, driver in drivers.items():
+        if driver in refused:
+            yield Problem(path, refused[driver])
+
+
+def _refusal(path: KeyPath, make: Callable[[], object], hint: str = '') -> Iterator[Problem]:
+    try:
+        make()
+    except (ValueError, TypeError) as error:  # TypeError: an option called like an argument
+        yield Problem(path, f'cannot be used: {error}{hint}')
+
+
+def _json(value: object) -> str:
+    return msgspec.json.encode(value).decode()
