@@ -6,6 +6,7 @@ import math
 from typing import TYPE_CHECKING
 
 from msgs_json.drivers import VehicleUnavailableError
+from msgs_json.geometry import TOLERANCE
 from msgs_json.ros_messages import Odometry, PoseSetpoint
 from msgs_json.straight_motion import StraightMotion
 from msgs_json.topics import SETPOINT, VEHICLE_ODOM
@@ -62,8 +63,7 @@ class SimulatedAutopilot:
         before = self.position
         self._motion.step(now_s)
         if self.setpoints and elapsed_s > 0.0:
-            climb_m = self.setpoints[-1].z_m - self.z_m
-            self.z_m += math.copysign(min(abs(climb_m), self._vertical_mps * elapsed_s), climb_m)
+            self.z_m = _approach(self.z_m, self.setpoints[-1].z_m, self._vertical_mps * elapsed_s)
         if self.is_silent:
             return
         odometry = Odometry(
@@ -76,3 +76,9 @@ class SimulatedAutopilot:
         )
         for listener in self._listeners:
             listener(odometry)
+
+
+def _approach(value: float, target: float, length: float) -> float:
+    if abs(target - value) <= length * (1.0 + TOLERANCE):
+        return target
+    return value + math.copysign(length, target - value)

@@ -7,8 +7,9 @@ from bisect import bisect_right
 from itertools import accumulate, pairwise
 from typing import TYPE_CHECKING
 
+from auv_sim.drivers.survey_depth import survey_z_m
 from auv_sim.surfacing import surfacing_model
-from msgs_json.drivers import SUBMERGED_Z_M, AuvState, CommandRefusedError
+from msgs_json.drivers import AuvState, CommandRefusedError
 from msgs_json.geometry import TIME_TOLERANCE_S
 
 if TYPE_CHECKING:
@@ -38,10 +39,8 @@ class KinematicAuv:
     """
 
     def __init__(self, setup: AuvDriverSetup) -> None:
-        if not -setup.depth_m <= SUBMERGED_Z_M:
-            raise ValueError(f'depth_m is {setup.depth_m}; must be at least {-SUBMERGED_Z_M:g} m')
         self._speed_mps = setup.speed_mps
-        self._depth_m = setup.depth_m
+        self._survey_z_m = survey_z_m(setup.depth_m)
         self._surfacing = surfacing_model(setup.surfacing)
         self._rng = setup.rng
         self._surfaced = True
@@ -91,7 +90,7 @@ class KinematicAuv:
             self._swim(self._now_s - self._began_s)
         return AuvState(
             position=self._position,
-            z_m=0.0 if self._surfaced else -self._depth_m,
+            z_m=0.0 if self._surfaced else self._survey_z_m,
             heading_rad=self._heading_rad,
             speed_mps=0.0 if self._surfaced or self._at_end else self._speed_mps,
             surfaced=self._surfaced,

@@ -1,0 +1,289 @@
+from __future__ import annotations
+
+import math
+from collections import Counter
+from typing import TYPE_CHECKING
+
+import hypothesis.strategies as st
+import numpy as np
+import pytest
+from hypothesis import given
+
+from auv_sim.drivers import kinematic, topics
+from auv_sim.drivers.survey_depth import survey_z_m
+from auv_sim.drivers.topics import CAPTURE_RADIUS_M, SURFACED_Z_M
+from msgs_json.driver_checks import check_auv_driver
+from msgs_json.drivers import AuvDriverSetup, NoPorts, VehicleUnavailableError
+from msgs_json.geometry import GridSpec, Point, path_length_m, whole_ticks
+from msgs_json.simulated_autopilot import SimulatedAutopilot
+
+if TYPE_CHECKING:
+    from msgs_json.drivers import AuvState
+
+REGION = GridSpec(cols=10, rows=10, cell_m=10.0)
+START = REGION.centre((3, 7))
+LEG = [REGION.centre(cell) for cell in ((4, 7), (5, 7), (5, 6))]
+
+
+def setup(
+    *, surfacing: str = '{"model": "on_time"}', seed: int = 1, speed_mps: float = 1.0
+) -> AuvDriverSetup:
+    return AuvDriverSetup(
+        name='auv_1',
+        start=START,
+        speed_mps=speed_mps,
+        depth_m=5.0,
+        surfacing=surfacing,
+        rng=np.random.default_rng(seed),
+    )
+
+
+# --- kinematic -----------------------------------------------------------------------------------
+
+
+def test_kinematic_conforms() -> None:
+    check_auv_driver(kinematic.make_driver)
+
+
+def kinematic_auv(**settings: str | float) -> kinematic.KinematicAuv:
+    return kinematic.make_driver(setup(**settings), NoPorts())  # type: ignore[arg-type]
+
+
+def test_kinematic_leg_cell_by_cell() -> None:
+    auv = kinematic_auv()
+    assert auv.step(0.0).surfaced
+    auv.follow(LEG)
+    states = [auv.step(float(tick)) for tick in range(34)]
+    assert [states[tick].waypoints_reached for tick in (0, 9, 10, 19, 20, 29, 30, 33)] == [
+        *(0, 0, 1, 1, 2, 2, 3, 3)
+    ]
+    assert [states[tick].position for tick in (0, 10, 20, 30, 33)] == [START, *LEG, LEG[-1]]
+    assert {state.z_m for state in states} == {-5.0}
+    headings_rad = [states[tick].heading_rad for tick in (0, 15, 25, 33)]
+    assert headings_rad == [0.0, 0.0, -math.pi / 2, -math.pi / 2]
+    assert [states[tick].speed_mps for tick in (0, 29, 30)] == [1.0, 1.0, 0.0]
+
+
+def test_kinematic_surfaces_between_two_cells() -> None:
+    auv = kinematic_auv()
+    auv.step(0.0)
+    auv.follow(LEG)
+    auv.step(14.0)
+    auv.surface()
+    place = Point(east_m=49.0, north_m=75.0)
+    for now_s in (14.0, 15.0, 99.0):
+        state = auv.step(now_s)
+        assert (state.position, state.z_m, state.surfaced) == (place, 0.0, True)
+    assert state.waypoints_reached == 1
+    auv.follow([REGION.centre((4, 7)), REGION.centre((4, 6))])
+    state = auv.step(99.0)
+    assert (state.position, state.z_m, state.surfaced) == (place, -5.0, False)
+    assert [auv.step(99.0 + ticks).waypoints_reached for ticks in (3.0, 4.0, 13.0, 14.0)] == [
+        *(0, 1, 1, 2)
+    ]
+
+
+@given(
+    speed_mps=st.sampled_from([0.7, 0.8, 1.0, 1.3]) | st.floats(0.1, 5.0),
+    tick_s=st.sampled_from([0.1, 0.25, 1 / 3, 1.0]),
+    first_tick=st.sampled_from([0, 73, 99_999]),
+    moves=st.lists(st.sampled_from([(1, 0), (0, 1), (-1, 0), (0, -1)]), min_size=1, max_size=8),
+)
+def test_kinematic_reaches_every_waypoint_in_whole_ticks(
+    speed_mps: float, tick_s: float, first_tick: int, moves: list[tuple[int, int]]
+) -> None:
+    auv = kinematic_auv(speed_mps=speed_mps)
+    line = [START]
+    for east, north in moves:
+        line.append(
+            Point(east_m=line[-1].east_m + 10.0 * east, north_m=line[-1].north_m + 10.0 * north)
+        )
+    auv.step(first_tick * tick_s)
+    auv.follow(line[1:])
+    for number in range(1, len(line)):
+        due = whole_ticks(path_length_m(line[: number + 1]) / (speed_mps * tick_s))
+        assert auv.step((first_tick + due - 1) * tick_s).waypoints_reached == number - 1
+        assert auv.step((first_tick + due) * tick_s).waypoints_reached == number
+    assert auv.step((first_tick + due) * tick_s).position == line[-1]
+
+
+def swim_until_surfaced(auv: kinematic.KinematicAuv) -> tuple[int, AuvState]:
+    """Swim the leg; return at which tick the AUV is first surfaced, and its state then."""
+    auv.step(0.0)
+    auv.follow(LEG)
+    for tick in range(100):
+        state = auv.step(float(tick))
+        if state.surfaced:
+            return tick, state
+    raise AssertionError('stayed under water')
+
+
+def test_early_surfaces_at_every_cell_but_the_last() -> None:
+    seen: Counter[tuple[int, Point, int]] = Counter()
+    for seed in range(300):
+        auv = kinematic_auv(surfacing='{"model": "early", "probability": 1}', seed=seed)
+        tick, state = swim_until_surfaced(auv)
+        seen[tick, state.position, state.waypoints_reached] += 1
+        assert state.z_m == 0.0
+    # At P_0 without moving, with the first step; elsewhere exactly in the middle of the cell.
+    assert set(seen) == {(1, START, 0), (10, LEG[0], 1), (20, LEG[1], 2)}
+    assert all(70 < times < 130 for times in seen.values())  # 100 each, standard deviation 8
+
+
+def test_early_stays_up_where_it_came_up_until_the_next_leg() -> None:
+    auv = kinematic_auv(surfacing='{"model": "early", "probability": 1}', speed_mps=0.7)
+    _, up = swim_until_surfaced(auv)
+    assert auv.step(500.0) == up
+    auv.surface()
+    assert auv.step(500.0) == up
+    auv.follow(LEG)
+    assert not auv.step(500.0).surfaced
+
+
+def test_early_draws_alike_whatever_comes_out() -> None:
+    """The fate of the second leg does not hang on that of the first."""
+    second_legs = []
+    for probability in (0.0, 1.0):
+        rng = np.random.default_rng(3)
+        model = f'{{"model": "early", "probability": {probability}}}'
+        auv = kinematic.make_driver(
+            AuvDriverSetup(
+                name='auv_1', start=START, speed_mps=1.0, depth_m=5.0, surfacing=model, rng=rng
+            ),
+            NoPorts(),
+        )
+        auv.follow(LEG)
+        second_legs.append(rng.bit_generator.state)
+    assert second_legs[0] == second_legs[1]
+
+
+def test_refused_leg_draws_nothing() -> None:
+    settings = setup(surfacing='{"model": "early", "probability": 0.5}')
+    auv = kinematic.make_driver(settings, NoPorts())
+    before = settings.rng.bit_generator.state
+    with pytest.raises(kinematic.CommandRefusedError):
+        auv.follow([])
+    assert settings.rng.bit_generator.state == before
+
+
+def test_bad_surfacing_model_is_refused_when_the_driver_is_made() -> None:
+    with pytest.raises(ValueError, match='surfacing is'):
+        kinematic_auv(surfacing='{"model": "eary"}')
+
+
+@pytest.mark.parametrize('depth_m', [0.0, 0.99, -5.0, math.nan])
+def test_depth_that_is_no_depth_is_refused(depth_m: float) -> None:
+    with pytest.raises(ValueError, match=r'depth_m is .*; must be at least 1 m'):
+        survey_z_m(depth_m)
+
+
+def test_depth_is_down_and_z_is_up() -> None:
+    assert survey_z_m(1.0) == -1.0
+
+
+# --- topics --------------------------------------------------------------------------------------
+
+
+def test_topics_conforms() -> None:
+    check_auv_driver(topics.make_driver, capture_radius_m=CAPTURE_RADIUS_M, vertical_mps=0.5)
+
+
+class Dive:
+    """A topics driver and its vehicle, tick by tick."""
+
+    def __init__(self) -> None:
+        self.vehicle = SimulatedAutopilot(START, 0.0, speed_mps=1.0, vertical_mps=0.5)
+        self.driver = topics.make_driver(setup(), self.vehicle)
+        self.now_s = -1.0
+
+    def ticks(self, number: int) -> list[AuvState]:
+        states = []
+        for _ in range(number):
+            self.now_s += 1.0
+            self.vehicle.step(self.now_s)
+            states.append(self.driver.step(self.now_s))
+        return states
+
+    def setpoint(self) -> tuple[Point, float]:
+        return self.vehicle.setpoints[-1].position, self.vehicle.setpoints[-1].z_m
+
+
+def test_topics_leads_from_setpoint_to_setpoint() -> None:
+    dive = Dive()
+    dive.ticks(1)
+    assert dive.setpoint() == (START, 0.0)
+    dive.driver.follow(LEG)
+    assert dive.setpoint() == (LEG[0], -5.0)
+    states = dive.ticks(8)
+    # Captured 2 m before; the setpoint goes on with the same tick.
+    assert [state.waypoints_reached for state in states[-2:]] == [0, 1]
+    assert dive.setpoint() == (LEG[1], -5.0)
+    dive.ticks(40)
+    assert dive.setpoint() == (LEG[2], -5.0)
+    assert dive.vehicle.position == LEG[2]
+
+
+def test_topics_is_not_surfaced_while_it_dives_nor_before_it_is_up() -> None:
+    dive = Dive()
+    assert dive.ticks(1)[0].surfaced
+    dive.driver.follow(LEG)
+    dive.ticks(1)
+    dive.vehicle.z_m = 0.3  # a wave; it has not gone down yet
+    assert not dive.ticks(1)[0].surfaced
+    below = dive.ticks(10)[-1]
+    assert (below.z_m, below.surfaced) == (-5.0, False)
+    dive.driver.surface()
+    assert dive.setpoint() == (below.position, 0.0)
+    states = dive.ticks(10)
+    assert [state.surfaced for state in states] == [False] * 8 + [True] * 2
+    assert [state.z_m for state in states[-3:]] == [-1.0, 0.0, 0.0]
+    assert dive.vehicle.z_m == 0.0
+
+
+def test_topics_surface_is_where_waves_are() -> None:
+    dive = Dive()
+    dive.vehicle.z_m = SURFACED_Z_M
+    state = dive.ticks(1)[0]
+    assert (state.surfaced, state.z_m) == (True, 0.0)
+    dive.vehicle.z_m = -2.0
+    assert not dive.ticks(1)[0].surfaced
+
+
+def test_topics_does_not_send_down_what_came_up_by_itself() -> None:
+    dive = Dive()
+    dive.driver.follow(LEG)
+    place = dive.ticks(8)[-1].position
+    dive.vehicle.z_m = -0.1  # its own failsafe
+    state = dive.driver.step(dive.now_s)
+    assert not state.surfaced  # not measured yet
+    dive.vehicle.step(dive.now_s)
+    assert dive.driver.step(dive.now_s).surfaced
+    assert dive.setpoint() == (place, 0.0)
+    assert all(state.surfaced for state in dive.ticks(5))
+    assert dive.vehicle.position == place
+
+
+def test_topics_streams_setpoints_without_poses() -> None:
+    dive = Dive()
+    dive.vehicle.is_silent = True
+    for _ in range(2):
+        with pytest.raises(VehicleUnavailableError):
+            dive.ticks(1)
+    dive.driver.follow(LEG)
+    with pytest.raises(VehicleUnavailableError):
+        dive.ticks(1)
+    assert [setpoint.stamp_s for setpoint in dive.vehicle.setpoints] == [0.0, 1.0, 1.0, 2.0]
+    assert dive.setpoint() == (LEG[0], -5.0)
+
+
+def test_topics_faces_where_it_swims() -> None:
+    dive = Dive()
+    dive.ticks(1)
+    dive.driver.follow(LEG)
+    dive.ticks(30)
+    dive.driver.surface()
+    east_rad = 0.0
+    corner_rad = dive.vehicle.setpoints[-1].heading_rad
+    headings_rad = {setpoint.heading_rad for setpoint in dive.vehicle.setpoints}
+    assert headings_rad == {east_rad, corner_rad}
+    assert -math.pi / 2 < corner_rad < -math.pi / 4  # round the corner, which it cuts

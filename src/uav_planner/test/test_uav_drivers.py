@@ -1,0 +1,107 @@
+from __future__ import annotations
+
+import math
+
+import pytest
+
+from msgs_json.autopilot_link import POSE_LIMIT_S
+from msgs_json.driver_checks import check_uav_driver
+from msgs_json.drivers import (
+    CommandRefusedError,
+    NoPorts,
+    UavDriverSetup,
+    VehicleUnavailableError,
+)
+from msgs_json.geometry import Point
+from msgs_json.simulated_autopilot import SimulatedAutopilot
+from uav_planner.drivers import kinematic, topics
+
+HOME = Point(east_m=50.0, north_m=0.0)
+NORTH = Point(east_m=50.0, north_m=40.0)
+SETUP = UavDriverSetup(name='uav', home=HOME, speed_mps=4.0, altitude_m=30.0)
+
+
+def test_kinematic_conforms() -> None:
+    check_uav_driver(kinematic.make_driver)
+
+
+def test_topics_conforms() -> None:
+    check_uav_driver(topics.make_driver)
+
+
+def test_kinematic_arrives_bit_for_bit() -> None:
+    driver = kinematic.make_driver(SETUP, NoPorts())
+    target = Point(east_m=0.1 + 0.2, north_m=1 / 3)
+    driver.step(0.0)
+    driver.go_to(target)
+    states = [driver.step(float(tick)) for tick in range(1, 14)]
+    assert [state.position == target for state in states] == [False] * 12 + [True]
+    driver.go_to(HOME)
+    assert [driver.step(float(tick)) for tick in range(14, 30)][-1].position == HOME
+
+
+def test_kinematic_faces_where_it_flies() -> None:
+    driver = kinematic.make_driver(SETUP, NoPorts())
+    assert driver.step(0.0).speed_mps == 0.0
+    driver.go_to(NORTH)
+    state = driver.step(1.0)
+    assert (state.heading_rad, state.speed_mps, state.z_m) == (math.pi / 2, 4.0, 30.0)
+    state = driver.step(10.0)
+    assert (state.heading_rad, state.speed_mps) == (math.pi / 2, 0.0)
+
+
+@pytest.fixture
+def autopilot() -> SimulatedAutopilot:
+    return SimulatedAutopilot(HOME, 30.0, speed_mps=4.0, vertical_mps=1.0)
+
+
+def test_topics_streams_setpoints_before_and_without_poses(autopilot: SimulatedAutopilot) -> None:
+    driver = topics.make_driver(SETUP, autopilot)
+    for now_s in (0.0, 1.0):
+        with pytest.raises(VehicleUnavailableError):
+            driver.step(now_s)
+    autopilot.step(2.0)
+    driver.step(2.0)
+    autopilot.is_silent = True
+    driver.go_to(NORTH)
+    driver.step(2.0 + POSE_LIMIT_S)
+    with pytest.raises(VehicleUnavailableError):
+        driver.step(2.1 + POSE_LIMIT_S)
+    sent = [
+        (setpoint.stamp_s, setpoint.position, setpoint.z_m) for setpoint in autopilot.setpoints
+    ]
+    assert sent == [
+        (0.0, HOME, 30.0),
+        (1.0, HOME, 30.0),
+        (2.0, HOME, 30.0),
+        (2.0, NORTH, 30.0),  # at once: the vehicle starts with this tick
+        (7.0, NORTH, 30.0),
+        (7.1, NORTH, 30.0),
+    ]
+
+
+def test_topics_turns_the_vehicle_to_its_target(autopilot: SimulatedAutopilot) -> None:
+    driver = topics.make_driver(SETUP, autopilot)
+    driver.go_to(NORTH)
+    for tick in range(5):
+        autopilot.step(float(tick))
+        driver.step(float(tick))
+    driver.go_to(Point(east_m=0.0, north_m=16.0))
+    headings_rad = [setpoint.heading_rad for setpoint in autopilot.setpoints]
+    assert headings_rad == [math.pi / 2] * 5 + [math.pi]
+
+
+def test_topics_refuses_to_go_nowhere_before_it_is_heard(autopilot: SimulatedAutopilot) -> None:
+    driver = topics.make_driver(SETUP, autopilot)
+    with pytest.raises(CommandRefusedError, match='nan'):
+        driver.go_to(Point(east_m=math.nan, north_m=0.0))
+    with pytest.raises(VehicleUnavailableError):
+        driver.step(0.0)
+    assert autopilot.setpoints[-1].position == HOME
+
+
+def test_topics_reports_what_is_measured(autopilot: SimulatedAutopilot) -> None:
+    driver = topics.make_driver(SETUP, autopilot)
+    autopilot.z_m = 29.5
+    autopilot.step(0.0)
+    assert driver.step(0.0).z_m == 29.5
