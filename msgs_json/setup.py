@@ -1,0 +1,24 @@
+"""Install the package with colcon; package.xml names what it depends on."""
+
+from setuptools import find_packages, setup
+
+package_name = 'msgs_json'
+
+setup(
+    name=package_name,
+    version='0.1.0',
+    packages=find_packages(exclude=['test']),
+    package_data={package_name: ['py.typed', 'schemas/*.json', 'examples/**/*.json']},
+    data_files=[
+        ('share/ament_index/resource_index/packages', ['resource/' + package_name]),
+        ('share/' + package_name, ['package.xml']),
+    ],
+    python_requires='>=3.11',
+    install_requires=['setuptools'],
+    extras_require={'test': ['hypothesis', 'pytest']},
+    zip_safe=False,
+    maintainer='Shearwater developers',
+    maintainer_email='shearwater@example.org',
+    description='Messages, schemas, topics, agent interface and node host of Shearwater',
+    license='Apache-2.0',
+)
