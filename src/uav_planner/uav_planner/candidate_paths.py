@@ -66,6 +66,31 @@ class TieOrder:
                 f'not {[each.name for each in self.directions]}'
             )
 
+    @classmethod
+    def named(cls, name: str) -> TieOrder:
+        """
+        Return the tie order of a name such as ``enws-first``.
+
+        Raises
+        ------
+        ValueError
+            There is none of that name.
+
+        """
+        for tie_order in every_tie_order():
+            if tie_order.name == name:
+                return tie_order
+        raise ValueError(
+            f"tie order must be the letters e, n, w, s in any order, then '-first' or '-last' "
+            f"for the move that varies fastest, as in '{DOCUMENTED_TIE_ORDER.name}', not {name!r}"
+        )
+
+    @property
+    def name(self) -> str:
+        """Return the name: the directions' initials, then the move that varies fastest."""
+        initials = ''.join(direction.name[0].lower() for direction in self.directions)
+        return f'{initials}-{"first" if self.first_move_fastest else "last"}'
+
 
 DOCUMENTED_TIE_ORDER = TieOrder()
 """East, north, west, south; the first move varies fastest. It reproduces the paper's mission."""

@@ -86,18 +86,16 @@ def worst_case_s(mission: MissionSpec, route: Route, depart_s: float) -> float:
     """
     Return how long the sortie takes if it flies the whole list, waits included, seconds.
 
-    The UAV waits at the first waypoint of every leg until that AUV must be surfaced. A contact
-    only skips waypoints, which never makes a sortie longer (Theorem 2).
+    The UAV waits at the first waypoint of every leg until that AUV must be surfaced; at the
+    leg's others that time has passed. A contact only skips waypoints, which never makes a sortie
+    longer (Theorem 2).
     """
     ticks = 0
     here = mission.c3
-    auv: str | None = None
     for waypoint in route:
-        ticks += hop_ticks(mission, here, waypoint.point)
-        if waypoint.auv != auv:
-            wait_s = waypoint.surface_deadline_s - depart_s
-            ticks = max(ticks, whole_ticks(wait_s / mission.tick_s))
-        here, auv = waypoint.point, waypoint.auv
+        deadline_ticks = whole_ticks((waypoint.surface_deadline_s - depart_s) / mission.tick_s)
+        ticks = max(ticks + hop_ticks(mission, here, waypoint.point), deadline_ticks)
+        here = waypoint.point
     return (ticks + hop_ticks(mission, here, mission.c3)) * mission.tick_s
 
 

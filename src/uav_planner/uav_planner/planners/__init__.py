@@ -6,25 +6,29 @@ import inspect
 from types import MappingProxyType
 from typing import TYPE_CHECKING
 
-from uav_planner.planners.ecc2009 import Ecc2009Planner
+from uav_planner.planners.ecc2009 import make_ecc2009
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
 
     from uav_planner.planning import Planner
 
-PLANNERS: Mapping[str, Callable[..., Planner]] = MappingProxyType({'ecc2009': Ecc2009Planner})
-"""Planner name, as in scenario files, to its factory; options are keyword arguments of it."""
+PLANNERS: Mapping[str, Callable[..., Planner]] = MappingProxyType({'ecc2009': make_ecc2009})
+"""
+Planner name, as in scenario files, to its factory.
+
+The factory's keyword arguments are the planner's options: plain JSON values, all with a default.
+"""
 
 
-def make_planner(name: str, **options: object) -> Planner:
+def make_planner(name: str, /, **options: object) -> Planner:
     """
     Return a new planner.
 
     Raises
     ------
     ValueError
-        There is no planner of that name, or it has no such option.
+        There is no planner of that name, it has no such option, or not with that value.
 
     """
     if name not in PLANNERS:

@@ -156,6 +156,11 @@ class Ecc2009Planner:
         return None if walk is None else table.path(walk, request.cell)
 
 
+def make_ecc2009(*, tie_order: str = DOCUMENTED_TIE_ORDER.name) -> Ecc2009Planner:
+    """Return the planner with options as in scenario files (`TieOrder.named`)."""
+    return Ecc2009Planner(tie_order=TieOrder.named(tie_order))
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _NextSortie:
     """The flight of the next sortie, all known but the path of the AUV that was met."""
