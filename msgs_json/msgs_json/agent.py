@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Protocol
 
 if TYPE_CHECKING:
+    from msgs_json.codec import Refusal
     from msgs_json.messages import Event, Message
     from msgs_json.ros_messages import RosMessage
     from msgs_json.topics import Topic
@@ -42,7 +43,16 @@ class Log:
     """When it happened; may lie one tick before the time of logging."""
 
 
-Output = Transmit | Publish | Log
+@dataclass(frozen=True, slots=True)
+class Refuse:
+    """Turn down what somebody said; counted always, logged once per sender and reason."""
+
+    sender: str
+    refusal: Refusal
+    detail: str
+
+
+Output = Transmit | Publish | Log | Refuse
 
 
 class Agent(Protocol):

@@ -6,7 +6,7 @@ from collections import Counter
 from dataclasses import dataclass
 
 from msgs_json import codec
-from msgs_json.agent import Agent, Log, Output, Publish, Transmit
+from msgs_json.agent import Agent, Log, Output, Publish, Refuse, Transmit
 from msgs_json.codec import MessageError, Refusal
 from msgs_json.messages import RADIO_MESSAGES, Event, Message, MessageRefused
 from msgs_json.ros_messages import RosMessage, Text
@@ -53,8 +53,8 @@ class AgentShell:
     """
     Feeds an agent with decoded messages and encodes what it wants to say.
 
-    A payload that is refused never reaches the agent. It is counted in ``refused`` by
-    ``(sender, reason)`` and logged once for each.
+    A payload that is refused here never reaches the agent. Like what the agent itself refuses it
+    is counted in ``refused`` by ``(sender, reason)`` and logged once for each.
     """
 
     def __init__(self, agent: Agent) -> None:
@@ -64,15 +64,16 @@ class AgentShell:
 
     def tick(self, now_s: float) -> list[Frame]:
         """Tick the agent."""
-        return [self._frame(output, now_s) for output in self.agent.tick(now_s)]
+        return self._frames(self.agent.tick(now_s), now_s)
 
     def receive(self, data: bytes, now_s: float) -> list[Frame]:
         """Hand the agent what came by radio, if it may be heard."""
         try:
             src, message = self._admit(data)
         except MessageError as error:
-            return self._refuse(error, now_s)
-        return [self._frame(output, now_s) for output in self.agent.receive(src, message, now_s)]
+            refused = Refuse(error.sender, error.refusal, error.detail)
+            return self._frames([refused], now_s)
+        return self._frames(self.agent.receive(src, message, now_s), now_s)
 
     def _admit(self, data: bytes) -> tuple[str, Message]:
         envelope = codec.open_envelope(data)
@@ -96,23 +97,29 @@ class AgentShell:
             )
         return envelope.src, codec.open_body(envelope)
 
-    def _refuse(self, error: MessageError, now_s: float) -> list[Frame]:
-        key = (error.sender, error.refusal)
+    def _frames(self, outputs: list[Output], now_s: float) -> list[Frame]:
+        frames = []
+        for output in outputs:
+            match output:
+                case Transmit(dst, body):
+                    frames.append(self._speaker.frame(RADIO_TX, body, now_s, dst))
+                case Publish(topic, message):
+                    if isinstance(message, Message):
+                        frames.append(self._speaker.frame(topic, message, now_s))
+                    else:
+                        frames.append(Frame(topic, message))
+                case Log(event, stamp_s):
+                    frames.append(self._speaker.frame(MISSION_EVENTS, event, stamp_s))
+                case Refuse():
+                    frames += self._refuse(output, now_s)
+        return frames
+
+    def _refuse(self, refused: Refuse, now_s: float) -> list[Frame]:
+        key = (refused.sender, refused.refusal)
         self.refused[key] += 1
         if self.refused[key] > 1:
             return []
         event = MessageRefused(
-            sender=error.sender, reason=error.refusal.value, detail=error.detail
+            sender=refused.sender, reason=refused.refusal.value, detail=refused.detail
         )
-        return [self._frame(Log(event, now_s), now_s)]
-
-    def _frame(self, output: Output, now_s: float) -> Frame:
-        match output:
-            case Transmit(dst, body):
-                return self._speaker.frame(RADIO_TX, body, now_s, dst)
-            case Publish(topic, message):
-                if isinstance(message, Message):
-                    return self._speaker.frame(topic, message, now_s)
-                return Frame(topic, message)
-            case Log(event, stamp_s):
-                return self._speaker.frame(MISSION_EVENTS, event, stamp_s)
+        return [self._speaker.frame(MISSION_EVENTS, event, now_s)]

@@ -56,6 +56,12 @@ class Refusal(enum.Enum):
     UNKNOWN_SENDER = 'unknown_sender'
     NOT_ADDRESSED = 'not_addressed'
     """Meant for somebody else."""
+    UNEXPECTED = 'unexpected'
+    """Understood, but this agent takes no such message, or not now."""
+    CONTRADICTORY = 'contradictory'
+    """Understood, but it does not fit what the receiver knows."""
+    NOT_POSSIBLE = 'not_possible'
+    """Understood, but the vehicle cannot do it."""
 
 
 class MessageError(ValueError):
@@ -71,6 +77,12 @@ class MessageError(ValueError):
 _SCHEMA_TYPES: dict[str, object] = {
     t.__name__: t for t in (*RADIO_MESSAGES, *LOCKSTEP_MESSAGES, *STATUS_MESSAGES)
 } | {MISSION_EVENT: MissionEvent}
+
+DETAIL_MAX_CHARS = 300
+"""A refusal quotes what was wrong; this is enough to see it, whatever was sent."""
+
+_UNREADABLE = (msgspec.DecodeError, UnicodeDecodeError, RecursionError)
+"""What msgspec raises on bytes that are not what they should be."""
 
 _envelope_decoder = msgspec.json.Decoder(Envelope)
 _encoder = msgspec.json.Encoder()
@@ -111,8 +123,8 @@ def open_envelope(data: bytes) -> Envelope:
     """
     try:
         envelope = _envelope_decoder.decode(data)
-    except (msgspec.DecodeError, UnicodeDecodeError) as error:
-        raise MessageError(Refusal.MALFORMED, '?', str(error)) from None
+    except _UNREADABLE as error:
+        raise MessageError(Refusal.MALFORMED, '?', _located(error, '$')) from None
     if envelope.version != SCHEMA_VERSION:
         raise MessageError(
             Refusal.UNKNOWN_SCHEMA,
@@ -141,12 +153,21 @@ def open_body(envelope: Envelope) -> Message:
         )
     try:
         return _body_decoder(envelope.schema).decode(envelope.body)
-    except (msgspec.DecodeError, UnicodeDecodeError) as error:
-        detail = str(error).replace('`$', '`$.body')
-        raise MessageError(Refusal.MALFORMED, envelope.src, detail) from None
+    except _UNREADABLE as error:
+        raise MessageError(Refusal.MALFORMED, envelope.src, _located(error, '$.body')) from None
 
 
 def decode(data: bytes) -> tuple[Envelope, Message]:
     """Return envelope and typed body of a payload; raises `MessageError`."""
     envelope = open_envelope(data)
     return envelope, open_body(envelope)
+
+
+def _located(error: Exception, root: str) -> str:
+    """Return what is wrong and the JSON path where; msgspec leaves out the path of the root."""
+    problem, at, path = str(error).rpartition(' - at `$')
+    if not at:
+        problem, path = str(error), '`'
+    if len(problem) > DETAIL_MAX_CHARS:
+        problem = f'{problem[:DETAIL_MAX_CHARS]} ...'
+    return f'{problem} - at `{root}{path}'

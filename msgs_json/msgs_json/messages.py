@@ -19,7 +19,10 @@ from msgs_json.geometry import Cell, GridSpec, Point, path_problem
 Name = Annotated[
     str,
     msgspec.Meta(
-        pattern='^[a-z][a-z0-9_]*$', max_length=32, description='agent name, such as auv_1'
+        # Python's $ also stands before a line break at the end; JSON Schema's does not.
+        pattern=r'^[a-z][a-z0-9_]*(?!\n)$',
+        max_length=32,
+        description='agent name, such as auv_1',
     ),
 ]
 Seconds = Annotated[float, msgspec.Meta(ge=0, le=1e11, extra_json_schema={'x-unit': 's'})]

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING
 
 from msgspec import structs
 
-from msgs_json.agent import Log, Output, Publish, Transmit
+from msgs_json.agent import Log, Output, Publish, Refuse, Transmit
+from msgs_json.codec import Refusal
 from msgs_json.drivers import AuvDriver, AuvState, CommandRefusedError
 from msgs_json.geometry import (
     Cell,
@@ -26,7 +27,6 @@ from msgs_json.messages import (
     Leg,
     LegOutcome,
     Message,
-    MessageRefused,
     PathAssignment,
     RecoveryOrder,
     Sample,
@@ -105,7 +105,8 @@ class AuvAgent:
         """Take an acknowledgement, a next leg or the order to stay up."""
         match message:
             case Acknowledgement(acknowledges=Acknowledged.SURFACING_REPORT):
-                if message.reference == self._leg_id:  # not a late copy from a leg before
+                # Of the report being said; a late copy is for a leg before.
+                if self._report is not None and message.reference == self._leg_id:
                     self._unrelieved = []
                 return []
             case PathAssignment():
@@ -114,7 +115,7 @@ class AuvAgent:
                 return self._recovered(message, now_s)
             case _:
                 detail = f'an AUV takes no {type(message).__name__}'
-                return [self._refused('unexpected', detail, now_s)]
+                return [Refuse(src, Refusal.UNEXPECTED, detail)]
 
     # --- a leg, from first to last cell ----------------------------------------------------------
 
@@ -199,33 +200,37 @@ class AuvAgent:
         )
         if leg.leg_id <= self._leg_id:
             return [acknowledgement]  # repeated by the UAV: it missed our answer
+        if self._report is None or self.finished:
+            return [self._unexpected('a path')]
         problem = self._problem_with(leg)
         if problem:
-            return [self._refused('bad_leg', problem, now_s)]
+            return [Refuse(self._mission.uav, Refusal.CONTRADICTORY, problem)]
         try:
             dive = self._dive(leg, self._driver.step(now_s), now_s)
         except CommandRefusedError as error:
-            return [self._refused('driver', str(error), now_s)]
+            return [Refuse(self._mission.uav, Refusal.NOT_POSSIBLE, str(error))]
         return [acknowledgement, *dive]
 
     def _problem_with(self, leg: Leg) -> str | None:
-        if self._report is None:
-            return 'an assignment came while under way'
         if leg.path[0] != self._cell:
             return f'path must start at {list(self._cell)}, starts at {list(leg.path[0])}'
         return path_problem(leg.path, self._mission.region)
 
     def _recovered(self, order: RecoveryOrder, now_s: float) -> list[Output]:
-        output: list[Output] = [
-            Transmit(
-                self._mission.uav,
-                Acknowledgement(acknowledges=Acknowledged.RECOVERY_ORDER, reference=order.leg_id),
-            )
-        ]
-        if not self.finished:
-            self.finished = True
-            output.append(Log(StayedUp(reason=order.reason), now_s))
-        return output
+        if self._report is None or order.leg_id != self._leg_id:
+            return [self._unexpected(f'the end of the survey after leg {order.leg_id}')]
+        acknowledgement = Transmit(
+            self._mission.uav,
+            Acknowledgement(acknowledges=Acknowledged.RECOVERY_ORDER, reference=order.leg_id),
+        )
+        if self.finished:
+            return [acknowledgement]  # repeated by the UAV: it missed our answer
+        self.finished = True
+        return [acknowledgement, Log(StayedUp(reason=order.reason), now_s)]
 
-    def _refused(self, reason: str, detail: str, now_s: float) -> Output:
-        return Log(MessageRefused(sender=self._mission.uav, reason=reason, detail=detail), now_s)
+    def _unexpected(self, order: str) -> Refuse:
+        state = 'under way' if self._report is None else 'at the surface'
+        if self.finished:
+            state = 'up for recovery'
+        detail = f'{order} was ordered to an AUV that is {state}, leg {self._leg_id}'
+        return Refuse(self._mission.uav, Refusal.UNEXPECTED, detail)

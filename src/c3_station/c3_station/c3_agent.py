@@ -9,7 +9,8 @@ import msgspec
 
 from c3_station.mission_views import diagnostics, occupancy, survey_markers
 from c3_station.scenario import Scenario
-from msgs_json.agent import Log, Output, Publish, Transmit
+from msgs_json.agent import Log, Output, Publish, Refuse, Transmit
+from msgs_json.codec import Refusal
 from msgs_json.geometry import Cell, path_length_m, surface_deadline_s
 from msgs_json.messages import (
     Acknowledged,
@@ -18,7 +19,6 @@ from msgs_json.messages import (
     AuvStatus,
     Leg,
     Message,
-    MessageRefused,
     MissionCompleted,
     MissionOrder,
     MissionStarted,
@@ -88,8 +88,7 @@ class C3Agent:
                 return self._take_over(message, now_s)
             case _:
                 detail = f'C3 takes no {type(message).__name__}'
-                refused = MessageRefused(sender=src, reason='unexpected', detail=detail)
-                return [Log(refused, now_s)]
+                return [Refuse(src, Refusal.UNEXPECTED, detail)]
 
     def _started(self) -> MissionStarted:
         return MissionStarted(
@@ -108,11 +107,9 @@ class C3Agent:
         )
         if report.sortie <= self._sorties:
             return [acknowledgement]  # repeated by the UAV: it missed our answer
-        unknown = {meeting.auv for meeting in report.meetings} - self._auvs.keys()
-        if unknown:
-            detail = f'meetings name {", ".join(sorted(unknown))}, not in this mission'
-            refused = MessageRefused(sender=self._uav, reason='bad_report', detail=detail)
-            return [Log(refused, now_s)]
+        problem = self._problem_with(report)
+        if problem:
+            return [Refuse(self._uav, Refusal.CONTRADICTORY, problem)]
         self._sorties = report.sortie
         for meeting in report.meetings:
             auv = self._auvs[meeting.auv]
@@ -131,6 +128,20 @@ class C3Agent:
             )
             output.append(Log(completed, now_s))
         return output + self._show_survey(now_s) + self._show_status(now_s)
+
+    def _problem_with(self, report: SortieReport) -> str | None:
+        """Return what contradicts the mission, or None."""
+        if report.sortie != self._sorties + 1:  # a gap would lose meetings and samples
+            return f'sortie must be {self._sorties + 1}, is {report.sortie}'
+        named = {meeting.auv for meeting in report.meetings} | {s.auv for s in report.samples}
+        unknown = named - self._auvs.keys()
+        if unknown:
+            return f'it names {", ".join(sorted(unknown))}, not in this mission'
+        for item in report.samples:
+            if not self._scenario.region.contains(item.sample.cell):
+                cell = list(item.sample.cell)
+                return f'a sample of {item.auv} is from cell {cell}, outside the region'
+        return None
 
     def _store(self, relayed: tuple[RelayedSample, ...]) -> int:
         """Store the samples that are not here yet and return how many there were."""

@@ -2,18 +2,26 @@
 
 from __future__ import annotations
 
+from collections import deque
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
-from msgs_json.agent import Log, Output, Publish, Transmit
-from msgs_json.geometry import Point, is_before, path_length_m, surface_deadline_s
+from msgs_json.agent import Log, Output, Publish, Refuse, Transmit
+from msgs_json.codec import Refusal
+from msgs_json.geometry import (
+    GridSpec,
+    Point,
+    is_before,
+    path_length_m,
+    path_problem,
+    surface_deadline_s,
+)
 from msgs_json.messages import (
     Acknowledged,
     Acknowledgement,
     Leg,
     Meeting,
     Message,
-    MessageRefused,
     Met,
     Missed,
     MissionOrder,
@@ -36,6 +44,14 @@ if TYPE_CHECKING:
     from msgs_json.drivers import UavDriver
     from uav_planner.planning import SortiePlan
 
+HAND_OVER_TICKS = 5
+"""
+How long the UAV stays for an AUV's answer to its next path before it flies on.
+
+Without loss the answer comes within the tick. Else every tick is one more chance to be heard, but
+not for ever: an AUV that took its path is under water, and if its answer was lost none will come.
+"""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class UavSetup:
@@ -56,16 +72,31 @@ class _Auv:
 
     speed_mps: float
     leg: Leg
+    """The last one it was given."""
     recovered: bool = False
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _HandOver:
-    """A meeting under way: the AUV has its answer, but has not acknowledged it."""
+    """What an AUV was told after a leg and has not acknowledged."""
 
-    report: SurfacingReport
-    answer: PathAssignment | RecoveryOrder
+    ended_leg_id: int
     plan: PlanResult | None
+    """Its next path; None where it is to stay up for recovery."""
+    way_m: float
+    """From where it lies through that path."""
+    begun_s: float
+
+    @property
+    def acknowledgement(self) -> Acknowledgement:
+        """Return the answer that ends it."""
+        if self.plan is None:
+            return Acknowledgement(
+                acknowledges=Acknowledged.RECOVERY_ORDER, reference=self.ended_leg_id
+            )
+        return Acknowledgement(
+            acknowledges=Acknowledged.PATH_ASSIGNMENT, reference=self.ended_leg_id + 1
+        )
 
 
 @dataclass(slots=True, kw_only=True)
@@ -78,9 +109,9 @@ class _Sortie:
     departed_s: float | None = None
     cursor: int = 0
     """Index of the waypoint flown to; past the last one it is C3."""
-    met: set[str] = field(default_factory=set)
+    met: dict[str, tuple[float, SurfacingReport]] = field(default_factory=dict)
+    """AUVs met: when, and what they reported."""
     missed: set[str] = field(default_factory=set)
-    meetings: list[Meeting] = field(default_factory=list)
 
     def turn(self) -> str | None:
         """Return the AUV to be met next; None when only the way home is left."""
@@ -112,9 +143,11 @@ class UavAgent:
         self._heard: dict[str, SurfacingReport] = {}
         """Reports heard at this tick from AUVs whose turn it was not."""
         self._hand_overs: dict[str, _HandOver] = {}
+        """By AUV, until it acknowledges or reports from its next leg."""
         self._cargo: dict[tuple[str, int], RelayedSample] = {}
-        """Samples in custody of the UAV, by AUV and number."""
-        self._undelivered: SortieReport | None = None
+        """Samples taken over in this sortie, by AUV and number."""
+        self._undelivered: deque[SortieReport] = deque()
+        """Reports that C3 has not acknowledged, oldest first; it gets them one by one."""
 
     def tick(self, now_s: float) -> list[Output]:
         """Decide on what was heard until the tick before, fly to ``now_s``, report at C3."""
@@ -124,8 +157,7 @@ class UavAgent:
         self._heard.clear()
         output.append(Publish(ODOM, state.odometry(self.name, now_s)))
         output += self._return_to_c3()
-        if self._undelivered is not None:
-            output.append(Transmit(self._setup.c3, self._undelivered))
+        output += self._report_to_c3()
         return output
 
     def receive(self, src: str, message: Message, now_s: float) -> list[Output]:
@@ -133,12 +165,13 @@ class UavAgent:
         match message:
             case MissionOrder() if src == self._setup.c3:
                 return self._ordered(message)
-            case SurfacingReport() if src == message.auv:
+            case SurfacingReport() if src == message.auv and src in self._auvs:
                 return self._hear(message)
             case Acknowledgement():
                 return self._acknowledged(src, message)
             case _:
-                return [self._refuse(src, 'unexpected', f'{type(message).__name__} from {src}')]
+                detail = f'the UAV takes no {type(message).__name__} from {src}'
+                return [Refuse(src, Refusal.UNEXPECTED, detail)]
 
     # --- the order -------------------------------------------------------------------------------
 
@@ -148,6 +181,9 @@ class UavAgent:
         )
         if self._mission is not None:
             return [acknowledgement]  # repeated by C3: it missed our answer
+        problem = _problem_with_order(order)
+        if problem:
+            return [Refuse(self._setup.c3, Refusal.CONTRADICTORY, problem)]
         self._mission = MissionSpec(
             grid=order.region,
             c3=order.c3,
@@ -199,8 +235,8 @@ class UavAgent:
             output += self._depart(sortie, mission)
         output += self._advance(sortie, self._position)
         route = sortie.plan.route
-        if self._hand_overs:
-            self._driver.go_to(self._position)  # stay in range until the AUV has answered
+        if self._awaits_answer():
+            self._driver.go_to(self._position)
         elif sortie.cursor < len(route):
             self._driver.go_to(route[sortie.cursor].point)
         else:
@@ -247,66 +283,123 @@ class UavAgent:
             return []
         if sortie.departed_s is None or sortie.cursor < len(sortie.plan.route):
             return []
-        if self._hand_overs or not self._is_at(mission.c3, self._position):
+        if self._awaits_answer() or not self._is_at(mission.c3, self._position):
             return []
         self._sorties_flown = sortie.number
-        self._undelivered = SortieReport(
-            sortie=sortie.number,
-            departed_s=sortie.departed_s,
-            returned_s=self._now_s,
-            meetings=tuple(sortie.meetings),
-            missed=tuple(auv for auv in sortie.order if auv in sortie.missed),
-            samples=tuple(self._cargo.values()),
+        self._undelivered.append(
+            SortieReport(
+                sortie=sortie.number,
+                departed_s=sortie.departed_s,
+                returned_s=self._now_s,
+                meetings=tuple(self._meeting(*contact) for contact in sortie.met.values()),
+                missed=tuple(auv for auv in sortie.order if auv in sortie.missed),
+                samples=tuple(self._cargo.values()),
+            )
         )
+        self._cargo.clear()
         returned = SortieReturned(sortie=sortie.number, duration_s=self._now_s - sortie.departed_s)
         self._plan_sortie(mission)
         return [Log(returned, self._now_s)]
 
+    def _meeting(self, time_s: float, report: SurfacingReport) -> Meeting:
+        auv = self._auvs[report.auv]
+        return Meeting(
+            auv=report.auv,
+            time_s=time_s,
+            cell=report.cell,
+            ended_leg_id=report.leg_id,
+            outcome=report.outcome,
+            next_leg=None if auv.recovered else auv.leg,
+        )
+
+    def _report_to_c3(self) -> list[Output]:
+        return [Transmit(self._setup.c3, report) for report in tuple(self._undelivered)[:1]]
+
+    def _delivered(self, sortie_number: int) -> list[Output]:
+        if not self._undelivered or sortie_number != self._undelivered[0].sortie:
+            return []  # a late copy
+        self._undelivered.popleft()
+        self.finished = self._sortie is None and not self._undelivered
+        return self._report_to_c3()
+
     # --- a meeting -------------------------------------------------------------------------------
 
     def _hear(self, report: SurfacingReport) -> list[Output]:
-        sortie = self._sortie
-        if sortie is None or self._auvs[report.auv].recovered:
+        sortie, auv = self._sortie, report.auv
+        hand_over = self._hand_overs.get(auv)
+        if hand_over is not None and report.leg_id > hand_over.ended_leg_id:
+            del self._hand_overs[auv]  # it speaks of its next leg, so it has taken it
+        if self._auvs[auv].recovered or (sortie is not None and auv in sortie.met):
+            return self._answer(auv) if self._missed_answer(report) else []
+        if sortie is None:
             return []
-        if report.auv in self._hand_overs:
-            return self._answer(self._hand_overs[report.auv])  # it missed our answer
-        if report.auv in sortie.met:
-            return []
-        if self._planner.meets_out_of_turn or report.auv == sortie.turn():
+        if self._planner.meets_out_of_turn or auv == sortie.turn():
             return self._meet(report, sortie)
-        self._heard[report.auv] = report
+        self._heard[auv] = report
         return []
+
+    def _missed_answer(self, report: SurfacingReport) -> bool:
+        """Return whether this leg's end was answered, but the AUV has not acknowledged it."""
+        hand_over = self._hand_overs.get(report.auv)
+        return hand_over is not None and report.leg_id == hand_over.ended_leg_id
 
     def _meet(self, report: SurfacingReport, sortie: _Sortie) -> list[Output]:
         mission, exploration = self._mission, self._map
         if mission is None or exploration is None:
             return []
-        leg = self._auvs[report.auv].leg
-        problem = _problem_with(report, leg)
-        if problem:
-            return [self._refuse(report.auv, 'bad_report', problem)]
-        output = self._depart(sortie, mission) if sortie.departed_s is None else []
-        exploration.confirm(leg.path[1 : report.moves_done + 1])
-        exploration.restore(leg.path[report.moves_done + 1 :])
-        for sample in report.samples:
-            self._cargo[report.auv, sample.number] = RelayedSample(auv=report.auv, sample=sample)
-        if exploration.is_explored:
-            order = RecoveryOrder(
-                auv=report.auv, leg_id=report.leg_id, reason=RecoveryReason.EXPLORED
-            )
-            hand_over = _HandOver(report=report, answer=order, plan=None)
+        if self._missed_answer(report):
+            # In a sortie before. It still lies where that path begins: the same path again.
+            plan = self._hand_overs[report.auv].plan
         else:
-            hand_over = self._plan_leg(report, sortie, mission, exploration)
-        self._hand_overs[report.auv] = hand_over
-        return output + self._answer(hand_over)
+            problem = _problem_with_report(report, self._auvs[report.auv].leg, mission.grid)
+            if problem:
+                return [Refuse(report.auv, Refusal.CONTRADICTORY, problem)]
+            self._take_over(report, exploration)
+            plan = self._plan_path(report, sortie, mission, exploration)
+        path = plan.path if plan else ()
+        way = [report.position, *(mission.grid.centre(cell) for cell in path)]
+        self._hand_overs[report.auv] = _HandOver(
+            ended_leg_id=report.leg_id,
+            plan=plan,
+            way_m=path_length_m(way),
+            begun_s=self._now_s,
+        )
+        output = self._depart(sortie, mission) if sortie.departed_s is None else []
+        sortie.met[report.auv] = (self._now_s, report)
+        sortie.missed.discard(report.auv)
+        met = Met(
+            sortie=sortie.number,
+            auv=report.auv,
+            cell=report.cell,
+            leg_id=report.leg_id,
+            path=path,
+            slack_s=plan.slack_s if plan else None,
+            sortie_time_s=plan.sortie_time_s if plan else None,
+            plan_status=plan.status.value if plan else None,
+        )
+        output += [Log(met, self._now_s), *self._answer(report.auv)]
+        waiting = self._heard.pop(sortie.turn() or '', None)
+        return output + self._hear(waiting) if waiting else output
 
-    def _plan_leg(
+    def _take_over(self, report: SurfacingReport, exploration: ExplorationMap) -> None:
+        """Note on the map what the AUV really visited, and take custody of its samples."""
+        path = self._auvs[report.auv].leg.path
+        exploration.confirm(path[1 : report.moves_done + 1])
+        exploration.restore(path[report.moves_done + 1 :])
+        for sample in report.samples:
+            relayed = RelayedSample(auv=report.auv, sample=sample)
+            self._cargo[report.auv, sample.number] = relayed
+
+    def _plan_path(
         self,
         report: SurfacingReport,
         sortie: _Sortie,
         mission: MissionSpec,
         exploration: ExplorationMap,
-    ) -> _HandOver:
+    ) -> PlanResult | None:
+        """Return the AUV's next path, already noted on the map; None where none is needed."""
+        if exploration.is_explored:
+            return None
         plan = self._planner.plan_path(
             PlanRequest(
                 mission=mission,
@@ -319,90 +412,65 @@ class UavAgent:
             )
         )
         exploration.assign(plan.path)
-        way = [report.position, *(mission.grid.centre(cell) for cell in plan.path)]
-        leg = Leg(
-            leg_id=report.leg_id + 1,
-            path=plan.path,
+        return plan
+
+    def _answer(self, auv: str) -> list[Output]:
+        """Confirm custody and say what comes next; said again, the deadline counts from then."""
+        hand_over, known = self._hand_overs[auv], self._auvs[auv]
+        custody = Acknowledgement(
+            acknowledges=Acknowledged.SURFACING_REPORT, reference=hand_over.ended_leg_id
+        )
+        if hand_over.plan is None:
+            known.recovered = True
+            order = RecoveryOrder(
+                auv=auv, leg_id=hand_over.ended_leg_id, reason=RecoveryReason.EXPLORED
+            )
+            return [Transmit(auv, custody), Transmit(auv, order)]
+        known.leg = Leg(
+            leg_id=hand_over.ended_leg_id + 1,
+            path=hand_over.plan.path,
             surface_deadline_s=surface_deadline_s(
                 self._now_s,
-                path_length_m(way),
-                self._auvs[report.auv].speed_mps,
+                hand_over.way_m,
+                known.speed_mps,
                 self._surface_margin_s,
-                mission.tick_s,
+                self._setup.tick_s,
             ),
         )
-        return _HandOver(report=report, answer=PathAssignment(auv=report.auv, leg=leg), plan=plan)
+        return [Transmit(auv, custody), Transmit(auv, PathAssignment(auv=auv, leg=known.leg))]
 
-    def _answer(self, hand_over: _HandOver) -> list[Output]:
-        report = hand_over.report
-        custody = Acknowledgement(
-            acknowledges=Acknowledged.SURFACING_REPORT, reference=report.leg_id
+    def _awaits_answer(self) -> bool:
+        """Return whether the UAV stays where it is, to be heard by an AUV and to hear it."""
+        patience_s = HAND_OVER_TICKS * self._setup.tick_s
+        return any(
+            is_before(self._now_s, hand_over.begun_s + patience_s)
+            for hand_over in self._hand_overs.values()
         )
-        return [Transmit(report.auv, custody), Transmit(report.auv, hand_over.answer)]
 
     def _acknowledged(self, src: str, message: Acknowledgement) -> list[Output]:
-        match message.acknowledges:
-            case Acknowledged.SORTIE_REPORT if src == self._setup.c3:
-                self._delivered(message.reference)
-            case Acknowledged.PATH_ASSIGNMENT | Acknowledged.RECOVERY_ORDER:
-                return self._handed_over(src, message.reference)
+        if src == self._setup.c3 and message.acknowledges is Acknowledged.SORTIE_REPORT:
+            return self._delivered(message.reference)
+        hand_over = self._hand_overs.get(src)
+        if hand_over is not None and message == hand_over.acknowledgement:
+            del self._hand_overs[src]
         return []
 
-    def _handed_over(self, auv: str, reference: int) -> list[Output]:
-        sortie, hand_over = self._sortie, self._hand_overs.get(auv)
-        if sortie is None or hand_over is None or reference != _reference(hand_over.answer):
-            return []  # a late copy
-        del self._hand_overs[auv]
-        report, plan = hand_over.report, hand_over.plan
-        match hand_over.answer:
-            case PathAssignment(leg=leg):
-                self._auvs[auv].leg = leg
-                next_leg: Leg | None = leg
-            case _:
-                self._auvs[auv].recovered = True
-                next_leg = None
-        sortie.met.add(auv)
-        sortie.missed.discard(auv)
-        sortie.meetings.append(
-            Meeting(
-                auv=auv,
-                time_s=self._now_s,
-                cell=report.cell,
-                ended_leg_id=report.leg_id,
-                outcome=report.outcome,
-                next_leg=next_leg,
-            )
-        )
-        met = Met(
-            sortie=sortie.number,
-            auv=auv,
-            cell=report.cell,
-            leg_id=report.leg_id,
-            path=next_leg.path if next_leg else (),
-            slack_s=plan.slack_s if plan else None,
-            sortie_time_s=plan.sortie_time_s if plan else None,
-            plan_status=plan.status.value if plan else None,
-        )
-        output: list[Output] = [Log(met, self._now_s)]
-        waiting = self._heard.pop(sortie.turn() or '', None)
-        return output + self._hear(waiting) if waiting else output
 
-    def _delivered(self, sortie_number: int) -> None:
-        if self._undelivered is None or sortie_number != self._undelivered.sortie:
-            return
-        for relayed in self._undelivered.samples:
-            self._cargo.pop((relayed.auv, relayed.sample.number), None)
-        self._undelivered = None
-
-    def _refuse(self, sender: str, reason: str, detail: str) -> Output:
-        return Log(MessageRefused(sender=sender, reason=reason, detail=detail), self._now_s)
+def _problem_with_order(order: MissionOrder) -> str | None:
+    """Return why an order is no mission, or None."""
+    names = [auv.name for auv in order.auvs]
+    if len(set(names)) < len(names):
+        return f'AUVs must have different names, are {", ".join(names)}'
+    if order.min_path_cells > order.path_cells:
+        return f'min_path_cells is {order.min_path_cells}, path_cells {order.path_cells}'
+    for auv in order.auvs:
+        problem = path_problem(auv.leg.path, order.region)
+        if problem:
+            return f'path of {auv.name}: {problem}'
+    return None
 
 
-def _reference(answer: PathAssignment | RecoveryOrder) -> int:
-    return answer.leg.leg_id if isinstance(answer, PathAssignment) else answer.leg_id
-
-
-def _problem_with(report: SurfacingReport, leg: Leg) -> str | None:
+def _problem_with_report(report: SurfacingReport, leg: Leg, region: GridSpec) -> str | None:
     """Return what contradicts the leg that was handed over, or None."""
     if report.leg_id != leg.leg_id:
         return f'leg_id must be {leg.leg_id}, is {report.leg_id}'
@@ -413,4 +481,7 @@ def _problem_with(report: SurfacingReport, leg: Leg) -> str | None:
             f'after {report.moves_done} moves cell must be {list(leg.path[report.moves_done])},'
             f' is {list(report.cell)}'
         )
+    for sample in report.samples:
+        if not region.contains(sample.cell):
+            return f'sample {sample.number} is from cell {list(sample.cell)}, outside the region'
     return None
