@@ -475,6 +475,24 @@ def test_good_auv_passes() -> None:
     check_auv_driver(GoodAuv)
 
 
+class CountsEarly(GoodAuv):
+    """Counts a waypoint as reached from 6 s before it on."""
+
+    def state(self) -> AuvState:
+        state = super().state()
+        if self.reached == len(self.line) - 1:
+            return state
+        is_close = self.here.distance_m(self.line[self.reached + 1]) <= 6.0 * self.setup.speed_mps
+        return replace(state, waypoints_reached=state.waypoints_reached + is_close)
+
+
+def test_auv_may_count_waypoints_within_its_radius() -> None:
+    # The way may be cut by twice the radius at every waypoint, so 6 m early needs 3 m.
+    with pytest.raises(BrokenRuleError, match='counts 1 waypoints as reached, should be 0'):
+        check_auv_driver(CountsEarly, capture_radius_m=2.0)
+    check_auv_driver(CountsEarly, capture_radius_m=4.0)
+
+
 def test_every_rule_has_a_driver_that_breaks_it() -> None:
     broken = {
         rule

@@ -16,6 +16,7 @@ from msgs_json.driver_checks import check_auv_driver
 from msgs_json.drivers import AuvDriverSetup, NoPorts, VehicleUnavailableError
 from msgs_json.geometry import GridSpec, Point, path_length_m, whole_ticks
 from msgs_json.simulated_autopilot import SimulatedAutopilot
+from msgs_json.topics import SETPOINT
 
 if TYPE_CHECKING:
     from msgs_json.drivers import AuvState
@@ -81,6 +82,34 @@ def test_kinematic_surfaces_between_two_cells() -> None:
     assert [auv.step(99.0 + ticks).waypoints_reached for ticks in (3.0, 4.0, 13.0, 14.0)] == [
         *(0, 1, 1, 2)
     ]
+
+
+def test_kinematic_is_exactly_at_a_waypoint_it_reaches_with_a_tick() -> None:
+    auv = kinematic_auv(speed_mps=0.8)
+    first_tick = 864_007  # a day into the mission the times of ticks are rounded to 1e-11 s
+    auv.step(first_tick * 0.1)
+    auv.follow(LEG)
+    places = [auv.step((first_tick + tick) * 0.1).position for tick in (125, 250, 375)]
+    assert places == LEG
+
+
+def test_kinematic_counts_from_0_on_every_leg() -> None:
+    auv = kinematic_auv()
+    auv.step(0.0)
+    auv.follow(LEG)
+    assert auv.step(25.0).waypoints_reached == 2
+    auv.follow(LEG)
+    auv.surface()
+    assert auv.step(25.0).waypoints_reached == 0
+
+
+def test_kinematic_waits_while_time_goes_back() -> None:
+    auv = kinematic_auv()
+    auv.step(100.0)
+    auv.follow(LEG)
+    state = auv.step(104.0)
+    assert auv.step(101.0) == state
+    assert auv.step(105.0).position == Point(east_m=40.0, north_m=75.0)
 
 
 @given(
@@ -261,6 +290,28 @@ def test_topics_does_not_send_down_what_came_up_by_itself() -> None:
     assert dive.setpoint() == (place, 0.0)
     assert all(state.surfaced for state in dive.ticks(5))
     assert dive.vehicle.position == place
+
+
+def test_topics_counts_no_waypoint_that_it_drifts_to_at_the_surface() -> None:
+    dive = Dive()
+    dive.driver.follow(LEG)
+    dive.ticks(7)
+    dive.driver.surface()
+    setpoint = dive.setpoint()
+    dive.vehicle.publish(SETPOINT, dive.vehicle.setpoints[0])  # the current takes it on
+    assert dive.vehicle.position.distance_m(LEG[0]) > CAPTURE_RADIUS_M
+    dive.vehicle.step(dive.now_s + 5.0)
+    state = dive.driver.step(dive.now_s + 5.0)
+    assert state.position.distance_m(LEG[0]) < CAPTURE_RADIUS_M
+    assert (state.waypoints_reached, dive.setpoint()) == (0, setpoint)
+
+
+def test_topics_counts_all_waypoints_it_is_close_to() -> None:
+    dive = Dive()
+    beside = Point(east_m=START.east_m + 1.0, north_m=START.north_m)
+    dive.driver.follow([START, beside, *LEG])
+    assert dive.ticks(1)[0].waypoints_reached == 2
+    assert dive.setpoint() == (LEG[0], -5.0)
 
 
 def test_topics_streams_setpoints_without_poses() -> None:

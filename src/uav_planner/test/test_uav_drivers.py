@@ -91,6 +91,16 @@ def test_topics_turns_the_vehicle_to_its_target(autopilot: SimulatedAutopilot) -
     assert headings_rad == [math.pi / 2] * 5 + [math.pi]
 
 
+def test_topics_does_not_turn_a_vehicle_that_is_there(autopilot: SimulatedAutopilot) -> None:
+    driver = topics.make_driver(SETUP, autopilot)
+    for tick in range(15):
+        driver.go_to(NORTH)
+        autopilot.step(float(tick))
+        driver.step(float(tick))
+    assert autopilot.position == NORTH
+    assert {setpoint.heading_rad for setpoint in autopilot.setpoints} == {math.pi / 2}
+
+
 def test_topics_refuses_to_go_nowhere_before_it_is_heard(autopilot: SimulatedAutopilot) -> None:
     driver = topics.make_driver(SETUP, autopilot)
     with pytest.raises(CommandRefusedError, match='nan'):
