@@ -85,11 +85,10 @@ def test_kinematic_surfaces_between_two_cells() -> None:
 
 
 def test_kinematic_is_exactly_at_a_waypoint_it_reaches_with_a_tick() -> None:
-    auv = kinematic_auv(speed_mps=0.8)
-    first_tick = 864_007  # a day into the mission the times of ticks are rounded to 1e-11 s
-    auv.step(first_tick * 0.1)
+    auv = kinematic_auv(speed_mps=10 / 2.1)
+    auv.step(86_400.1)  # a day into the mission times are rounded to 1e-11 s
     auv.follow(LEG)
-    places = [auv.step((first_tick + tick) * 0.1).position for tick in (125, 250, 375)]
+    places = [auv.step(86_400.1 + tick * 0.3).position for tick in (7, 14, 21)]
     assert places == LEG
 
 
