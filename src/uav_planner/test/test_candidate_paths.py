@@ -115,8 +115,7 @@ def test_tables_are_shared_and_read_only() -> None:
     assert walk_table(2, TieOrder()) is table
     for array in (
         table.offsets,
-        table.window_indices,
-        table.repeat_weights,
+        table.value_indices,
         table.turn_costs,
     ):
         with pytest.raises(ValueError, match='read-only'):

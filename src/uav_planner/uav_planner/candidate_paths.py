@@ -33,7 +33,7 @@ TIE_MARGIN = 1e-9
 """A later candidate wins only if its score is better by more than this (in cell values)."""
 
 MOVES_MAX = 9
-"""Longest walks that are tabled: 4 ** 9 of them take 50 MB, ten moves would take 220 MB."""
+"""Longest walks that are tabled: 4 ** 9 of them take 31 MB, ten moves would take 138 MB."""
 
 
 class Direction(enum.Enum):
@@ -120,10 +120,12 @@ class WalkTable:
 
     ``offsets[0]`` are columns east, ``offsets[1]`` rows north.
     """
-    window_indices: NDArray[np.intp]
-    """Flat index of each cell after `P_0` in the window of values around `P_0`, (moves, walks)."""
-    repeat_weights: NDArray[np.float64]
-    """``0.5 ** k`` for a cell that the walk was in k times before, `P_0` included, same shape."""
+    value_indices: NDArray[np.intp]
+    """
+    Where the value of each cell after `P_0` stands in `_windows`, flat: shape (moves, walks).
+
+    Window k is for cells that the walk was in k times before, `P_0` included.
+    """
     turn_costs: NDArray[np.float64]
     """`TURN_COST` times the turns of the walk, shape (walks,)."""
 
@@ -147,6 +149,12 @@ class WalkTable:
             Shape (walks,); minus infinity where a walk leaves the region.
 
         """
+        scores: NDArray[np.float64] = self._windows(values, start)[self.value_indices].sum(axis=0)
+        scores -= self.turn_costs
+        return scores
+
+    def _windows(self, values: NDArray[np.float64], start: Cell) -> NDArray[np.float64]:
+        """Return the values around a cell, minus infinity outside; whole, halved, and so on."""
         col, row = start
         rows, cols = values.shape
         reach = self.moves
@@ -156,11 +164,9 @@ class WalkTable:
         window[
             south - row + reach : north - row + reach, west - col + reach : east - col + reach
         ] = values[south:north, west:east]
-        gathered = window.ravel()[self.window_indices]
-        gathered *= self.repeat_weights
-        scores: NDArray[np.float64] = gathered.sum(axis=0)
-        scores -= self.turn_costs
-        return scores
+        halvings = 0.5 ** np.arange(reach + 1).reshape(-1, 1, 1)
+        windows: NDArray[np.float64] = halvings * window
+        return windows.ravel()
 
     def path(self, walk: int, start: Cell) -> tuple[Cell, ...]:
         """Return the cells of one walk from a start cell, `P_0` included."""
@@ -194,7 +200,8 @@ def walk_table(moves: int, tie_order: TieOrder) -> WalkTable:
     offsets = np.zeros((2, moves + 1, 4**moves), dtype=np.int16)
     offsets[:, 1:] = steps.T[:, move].cumsum(axis=1)
     east, north = offsets
-    window_indices = (north + moves).astype(np.intp) * (2 * moves + 1) + (east + moves)
+    side = 2 * moves + 1
+    window_indices = (north + moves).astype(np.intp) * side + (east + moves)
     visits_before = np.array(
         [
             (window_indices[:moved] == window_indices[moved]).sum(axis=0)
@@ -205,14 +212,12 @@ def walk_table(moves: int, tie_order: TieOrder) -> WalkTable:
     table = WalkTable(
         moves=moves,
         offsets=offsets,
-        window_indices=window_indices[1:],
-        repeat_weights=0.5**visits_before,
+        value_indices=visits_before * side**2 + window_indices[1:],
         turn_costs=TURN_COST * turns,
     )
     for array in (
         table.offsets,
-        table.window_indices,
-        table.repeat_weights,
+        table.value_indices,
         table.turn_costs,
     ):
         array.flags.writeable = False

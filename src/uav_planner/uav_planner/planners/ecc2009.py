@@ -38,9 +38,9 @@ if TYPE_CHECKING:
     from msgs_json.geometry import Cell
     from uav_planner.planning import MissionSpec, PlanRequest, SurveyLeg
 
-SINGLE_CHECKS = 16
-"""So many of the best candidates are timed one by one: as long as timing 64 at once takes."""
-SCORE_DROPS = (2 * TURN_COST, 1.0, 2.0, math.inf)
+SINGLE_CHECKS = 8
+"""So many of the best candidates are timed one by one: it takes as long as 100 at once."""
+SCORE_DROPS = (2 * TURN_COST, 1.5, math.inf)
 """Candidates are ranked in parts that reach so far below the best score: a few first, then all."""
 
 
