@@ -176,6 +176,23 @@ def text_from_cdr(cdr: bytes) -> bytes:
     return bytes(cdr[8 : 8 + length - 1])
 
 
+def clock_from_cdr(cdr: bytes) -> float:
+    """
+    Return the seconds of a serialized rosgraph_msgs/Clock (little-endian).
+
+    Raises
+    ------
+    ValueError
+        The bytes are too short.
+
+    """
+    try:
+        seconds, fraction = struct.unpack_from('<iI', cdr, 4)
+    except struct.error as error:
+        raise ValueError(f'not a serialized rosgraph_msgs/msg/Clock: {error}') from None
+    return float(seconds + fraction / NANOSECONDS)
+
+
 @cache
 def _odometry_template(child_frame_id: str) -> tuple[bytes, int, int]:
     """Return the bytes of a zero odometry and the offsets of pose and twist."""
@@ -240,18 +257,18 @@ def odometry_from_cdr(cdr: bytes) -> Odometry:
         (child_bytes,) = struct.unpack_from('<I', cdr, child_at)
         child = bytes(cdr[child_at + 4 : child_at + 3 + child_bytes]).decode()
         pose = _odometry_pose_offset(frame_bytes - 1, child_bytes - 1)
-        east_m, north_m, z_m, _, _, qz, qw = struct.unpack_from('<7d', cdr, pose)
+        east_m, north_m, z_m, *quaternion = struct.unpack_from('<7d', cdr, pose)
         (speed_mps,) = struct.unpack_from('<d', cdr, pose + (7 + 36) * 8)
     except (struct.error, UnicodeDecodeError) as error:
         raise ValueError(f'not a serialized nav_msgs/msg/Odometry: {error}') from None
-    if not all(math.isfinite(x) for x in (east_m, north_m, z_m, qz, qw, speed_mps)):
+    if not all(math.isfinite(x) for x in (east_m, north_m, z_m, *quaternion, speed_mps)):
         raise ValueError('odometry holds a number that is not finite')
     return Odometry(
         stamp_s=seconds + fraction / NANOSECONDS,
         child_frame_id=child,
         position=Point(east_m=east_m, north_m=north_m),
         z_m=z_m,
-        heading_rad=2.0 * math.atan2(qz, qw),
+        heading_rad=_yaw_rad(*quaternion),
         speed_mps=speed_mps,
     )
 
@@ -280,6 +297,11 @@ def _header(stamp_s: float) -> Any:  # noqa: ANN401
 def _yaw_quaternion(heading_rad: float) -> tuple[float, float]:
     """Return z and w of a rotation about the vertical."""
     return math.sin(heading_rad / 2.0), math.cos(heading_rad / 2.0)
+
+
+def _yaw_rad(x: float, y: float, z: float, w: float) -> float:
+    """Return the rotation about the vertical, whatever roll and pitch are."""
+    return math.atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
 
 
 def _pose(position: Point, z_m: float, heading_rad: float) -> Any:  # noqa: ANN401

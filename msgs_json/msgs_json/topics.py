@@ -26,6 +26,7 @@ class Qos(enum.Enum):
 
     STREAM = QosSpec(True, False, 1000, 'nothing may be missing from a bag or a barrier')
     LATCHED = QosSpec(True, True, 1, 'a late viewer gets the latest (REP-2003: maps)')
+    SENSOR = QosSpec(False, False, 10, 'autopilots publish best effort (MAVROS)')
     HANDSHAKE = QosSpec(True, True, 100, 'nodes may start in any order')
 
 
@@ -111,7 +112,7 @@ SETPOINT = Topic(
 VEHICLE_ODOM = Topic(
     'local_position/odom',
     'nav_msgs/msg/Odometry',
-    Qos.STREAM,
+    Qos.SENSOR,
     'the autopilot of a real vehicle',
     'measured pose in map, for driver "topics"',
 )

@@ -9,12 +9,20 @@ from c3_station.c3_params import make_c3
 from c3_station.node_params import mission_params
 from c3_station.scenario import Scenario
 from msgs_json.drivers import NoPorts
+from uav_planner.planning import Planner
 from uav_planner.uav_params import make_uav
 
 
-def fly(scenario: Scenario, sink: Sink) -> None:
-    """Fly a mission to its end, passing on every message; see `auv_sim.kernel`."""
+def fly(scenario: Scenario, sink: Sink, planner: Planner | None = None) -> None:
+    """
+    Fly a mission to its end, passing on every message; see `auv_sim.kernel`.
+
+    A planner that is given flies instead of the one that the scenario names.
+    """
     params = mission_params(scenario)
-    agents = {params.c3.name: make_c3(params.c3), params.uav.name: make_uav(params.uav, NoPorts())}
+    agents = {
+        params.c3.name: make_c3(params.c3),
+        params.uav.name: make_uav(params.uav, NoPorts(), planner),
+    }
     agents |= {auv.name: make_auv(auv, NoPorts()) for auv in params.auvs}
     run_mission(make_world(params.world), agents, sink)

@@ -69,6 +69,8 @@ class MissionMonitor:
     def __init__(self, scenario: Scenario, uav: str) -> None:
         self.scenario = scenario
         self.now_s = 0.0
+        self.ticking = False
+        """Whether the clock has been heard."""
         self.uav_name = uav
         self.uav_position = scenario.c3
         self.auvs = {
@@ -88,7 +90,7 @@ class MissionMonitor:
 
     def clock(self, now_s: float) -> None:
         """Take the simulated time."""
-        self.now_s = now_s
+        self.now_s, self.ticking = now_s, True
 
     def odometry(self, name: str, odometry: Odometry) -> None:
         """Take a vehicle's true pose."""

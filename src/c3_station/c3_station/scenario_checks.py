@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections import Counter
 from functools import partial
-from importlib.metadata import entry_points
 from typing import TYPE_CHECKING
 
 import msgspec
@@ -18,7 +17,7 @@ from auv_sim.surfacing import surfacing_model
 from auv_sim.survey_field import make_field
 from c3_station.scenario import RESERVED_NAMES, Limits, Scenario
 from c3_station.shape_checks import KeyPath, Problem, nearest
-from msgs_json.drivers import find_driver
+from msgs_json.drivers import find_driver, registered_drivers
 from msgs_json.geometry import path_problem
 from uav_planner.planners import PLANNERS, make_planner
 from uav_planner.uav_params import DRIVERS as UAV_DRIVERS
@@ -107,29 +106,17 @@ def _unknown_parts(scenario: Scenario) -> Iterator[Problem]:
         partial(make_planner, planner.name, **planner.options),
         nearest(planner.name, PLANNERS) if planner.name not in PLANNERS else '',
     )
-    drivers: dict[KeyPath, tuple[str, str]] = {
-        ('uav', 'driver'): (UAV_DRIVERS, scenario.uav.driver)
-    }
+    yield from _unknown_driver(('uav', 'driver'), UAV_DRIVERS, scenario.uav.driver)
     for index, auv in enumerate(scenario.auvs):
         path: KeyPath = ('auvs', index)
-        drivers[*path, 'driver'] = (AUV_DRIVERS, auv.driver)
+        yield from _unknown_driver((*path, 'driver'), AUV_DRIVERS, auv.driver)
         yield from _refusal((*path, 'surfacing'), partial(surfacing_model, _json(auv.surfacing)))
-    yield from _unknown_drivers(drivers)
     yield from _refusal(('field',), partial(make_field, _json(scenario.field), scenario.region))
 
 
-def _unknown_drivers(drivers: dict[KeyPath, tuple[str, str]]) -> Iterator[Problem]:
-    # Each lookup goes through all installed packages: once per name, not once per vehicle.
-    refused: dict[tuple[str, str], str] = {}
-    for group, name in set(drivers.values()):
-        try:
-            find_driver(group, name)
-        except ValueError as error:
-            hint = nearest(name, [entry.name for entry in entry_points(group=group)])
-            refused[group, name] = f'cannot be used: {error}{hint}'
-    for path, driver in drivers.items():
-        if driver in refused:
-            yield Problem(path, refused[driver])
+def _unknown_driver(path: KeyPath, group: str, name: str) -> Iterator[Problem]:
+    hint = nearest(name, registered_drivers(group))
+    yield from _refusal(path, partial(find_driver, group, name), hint)
 
 
 def _refusal(path: KeyPath, make: Callable[[], object], hint: str = '') -> Iterator[Problem]:

@@ -11,6 +11,7 @@ from msgs_json.drivers import DriverPorts, UavDriverSetup, find_driver
 from msgs_json.geometry import Point
 from msgs_json.params import Params, param
 from uav_planner.planners import make_planner
+from uav_planner.planning import Planner
 from uav_planner.uav_agent import UavAgent, UavSetup
 
 DRIVERS = 'uav_planner.drivers'
@@ -39,9 +40,11 @@ class UavParams(Params, frozen=True):
     driver: Annotated[str, param(f'vehicle driver, an entry point of {DRIVERS}')] = 'kinematic'
 
 
-def make_uav(params: UavParams, ports: DriverPorts) -> AgentShell:
+def make_uav(
+    params: UavParams, ports: DriverPorts, planner: Planner | None = None
+) -> AgentShell:
     """
-    Return the UAV's agent with its planner and its driver.
+    Return the UAV's agent with its driver and its planner, or another one that is given.
 
     Raises
     ------
@@ -70,7 +73,7 @@ def make_uav(params: UavParams, ports: DriverPorts) -> AgentShell:
             tick_s=params.tick_s,
             arrival_radius_m=params.arrival_radius_m,
         ),
-        make_planner(params.planner, **options),
+        planner or make_planner(params.planner, **options),
         find_driver(DRIVERS, params.driver)(setup, ports),
     )
     return AgentShell(agent)

@@ -1,0 +1,246 @@
+"""
+``orchestrate.py bench``: what this machine makes of it, as ratios taken in one run.
+
+Absolute times say little on a shared machine, so each figure is a quotient of two things that
+ran one after the other, or simulated over wall time. The aim beside it is the design's.
+"""
+
+from __future__ import annotations
+
+import statistics
+import tempfile
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from time import perf_counter
+
+import msgspec
+from rich.console import Console
+from rich.table import Table
+
+from c3_station.bare_barrier_node import bare_ticks_per_s
+from c3_station.bench_ties import print_ties
+from c3_station.exit_codes import ExitCode
+from c3_station.in_process import fly
+from c3_station.mission_monitor import MissionMonitor
+from c3_station.node_params import UAV
+from c3_station.ros_flight import Flight, fly_on_ros
+from c3_station.run_folder import new_run_folder
+from c3_station.scenario import Scenario
+from c3_station.scenario_files import load_scenario
+from msgs_json.agent_shell import Frame
+from msgs_json.topics import CLOCK
+from uav_planner.planners.ecc2009 import Ecc2009Planner
+from uav_planner.planners.ecc2009_oracle import plan_path_by_enumeration
+from uav_planner.planning import MissionSpec, PlanRequest, PlanResult, SortiePlan, SurveyLeg
+
+_REPEATS = 5
+_FLEET_AUVS = 50
+_FLEET_MISSION_S = 600.0
+_BARE_TICKS = 2000
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Figure:
+    """One line of the table."""
+
+    what: str
+    value: str
+    aim: str = ''
+    met: bool | None = None
+    """Whether the aim is met; None where there is none."""
+
+
+def run_benchmarks(names: Sequence[str], console: Console) -> ExitCode:
+    """
+    Run benchmarks by name (all that take about a minute if none is named) and print a table.
+
+    Raises
+    ------
+    ValueError
+        There is no benchmark of that name.
+
+    """
+    for name in names:
+        if name not in BENCHMARKS:
+            raise ValueError(f'bench: no benchmark {name!r}; there are {", ".join(BENCHMARKS)}')
+    chosen = names or [name for name in BENCHMARKS if name not in _ON_REQUEST]
+    missed = False
+    for name in chosen:
+        table = Table(title=name, title_justify='left', box=None, padding=(0, 3, 0, 0))
+        for column in ('figure', 'measured', 'aim', ''):
+            table.add_column(column, justify='left')
+        with console.status(f'bench {name} ...'):
+            figures = list(BENCHMARKS[name](console))
+        for figure in figures:
+            verdict = {None: '', True: 'met', False: '[bold red]missed[/]'}[figure.met]
+            table.add_row(figure.what, figure.value, figure.aim, verdict)
+            missed = missed or figure.met is False
+        if figures:
+            console.print(table)
+            console.print()
+    return ExitCode.FAILED if missed else ExitCode.OK
+
+
+def _at_least(what: str, ratios: Sequence[float], aim: float) -> Figure:
+    return Figure(
+        what=what, value=_spread(ratios), aim=f'>= {aim:g}', met=statistics.median(ratios) >= aim
+    )
+
+
+def _spread(ratios: Sequence[float]) -> str:
+    median = (
+        f'{statistics.median(ratios):,.3g}'
+        if max(ratios) < 100
+        else (f'{statistics.median(ratios):,.0f}')
+    )
+    if len(ratios) == 1:
+        return median
+    return f'{median}  ({min(ratios):,.3g} ... {max(ratios):,.3g}, {len(ratios)} runs)'
+
+
+# --- (a) in process -------------------------------------------------------------------------------
+
+
+def _mission_speed(console: Console) -> Iterator[Figure]:
+    scenario = load_scenario('ecc2009')
+    ratios = []
+    for _ in range(_REPEATS + 1):
+        mission_s = 0.0
+
+        def note_time(name: str, frame: Frame) -> None:
+            nonlocal mission_s
+            if frame.topic is CLOCK:
+                mission_s += scenario.tick_s
+
+        began_s = perf_counter()
+        fly(scenario, note_time)
+        ratios.append(mission_s / (perf_counter() - began_s))
+    # The first run also fills caches (walk tables, drivers).
+    yield _at_least('ecc2009 in one process, x real time', ratios[1:], 3000)
+
+
+# --- (b), (d), (e) over the ROS graph ---------------------------------------------------------------
+
+
+def _lockstep(console: Console) -> Iterator[Figure]:
+    scenario = load_scenario('ecc2009')
+    yield from _lockstep_figures(scenario, 'ecc2009, 3 AUV processes', aim=300, against_bare=True)
+    yield from _lockstep_figures(
+        _fleet_scenario(), f'{_FLEET_AUVS} AUVs in fleet processes', aim=30, against_bare=False
+    )
+
+
+def _lockstep_figures(
+    scenario: Scenario, what: str, *, aim: float, against_bare: bool
+) -> Iterator[Figure]:
+    flights = [_timed_flight(scenario) for _ in range(3 if against_bare else 1)]
+    yield _at_least(f'{what}, x real time', [ticks_per_s for _, ticks_per_s in flights], aim)
+    if against_bare:
+        ratios = []
+        for _, ticks_per_s in flights:
+            bare = bare_ticks_per_s(len(scenario.auvs) + 1, _BARE_TICKS)
+            ratios.append(bare / ticks_per_s)
+        yield Figure(
+            what='cost of a tick over a bare rclpy barrier',
+            value=_spread(ratios),
+            aim='<= 2',
+            met=statistics.median(ratios) <= 2,
+        )
+    flight = flights[-1][0]
+    yield Figure(
+        what='start of the first process to first tick',
+        value=f'{flight.first_tick_s or 0.0:.1f} s',
+    )
+    groups: dict[str, list[int]] = {}
+    for name, peak_bytes in flight.peak_memory_bytes.items():
+        groups.setdefault(name.rstrip('0123456789').rstrip('_'), []).append(peak_bytes)
+    for name, peaks in groups.items():
+        yield Figure(what=f'peak memory, {name}', value=f'{max(peaks) / 2**20:.0f} MiB')
+
+
+def _timed_flight(scenario: Scenario) -> tuple[Flight, float]:
+    """Fly with everything on, recorder included; return the flight and its ticks per second."""
+    with tempfile.TemporaryDirectory() as out:
+        folder = new_run_folder(Path(out) / 'run', scenario, force=False)
+        monitor = MissionMonitor(scenario, UAV)
+        flight = fly_on_ros(scenario, folder, monitor, rate=0.0, bag=True, refresh=lambda: None)
+    if flight.problem:
+        raise ValueError(f'bench: {flight.problem}')
+    return flight, monitor.now_s / flight.flying_s
+
+
+def _fleet_scenario() -> Scenario:
+    """Return fleet_8 with many more AUVs, each on a short path of its own."""
+    base = load_scenario('fleet_8')
+    template = base.auvs[0]
+    region = base.region
+    starts = [
+        (col, row) for row in range(0, region.rows, 3) for col in range(0, region.cols - 1, 5)
+    ]
+    auvs = tuple(
+        msgspec.structs.replace(
+            template, name=f'auv_{number}', initial_path=((col, row), (col + 1, row))
+        )
+        for number, (col, row) in enumerate(starts[:_FLEET_AUVS], start=1)
+    )
+    # The hard stop bounds the run; the limit is out of reach for so many, and is not the point.
+    return msgspec.structs.replace(base, auvs=auvs, max_mission_s=_FLEET_MISSION_S)
+
+
+# --- (c) planning -----------------------------------------------------------------------------------
+
+
+class _Notebook:
+    """Plans as ecc2009 does and keeps every request."""
+
+    meets_out_of_turn = Ecc2009Planner.meets_out_of_turn
+
+    def __init__(self) -> None:
+        self._planner = Ecc2009Planner()
+        self.requests: list[PlanRequest] = []
+
+    def plan_path(self, request: PlanRequest) -> PlanResult:
+        """Keep the request, with a copy of the map, which goes on changing."""
+        self.requests.append(replace(request, values=request.values.copy()))
+        return self._planner.plan_path(request)
+
+    def plan_sortie(
+        self, mission: MissionSpec, legs: tuple[SurveyLeg, ...], now_s: float
+    ) -> SortiePlan:
+        """Plan a sortie."""
+        return self._planner.plan_sortie(mission, legs, now_s)
+
+
+def _planning(console: Console) -> Iterator[Figure]:
+    notebook = _Notebook()
+    fly(load_scenario('ecc2009'), lambda name, frame: None, notebook)
+    planner = Ecc2009Planner()
+    ratios = []
+    for request in notebook.requests[:_REPEATS]:
+        began_s = perf_counter()
+        fast = planner.plan_path(request)
+        fast_s = perf_counter() - began_s
+        began_s = perf_counter()
+        plain = plan_path_by_enumeration(request)
+        plain_s = perf_counter() - began_s
+        if fast != plain:
+            raise ValueError(f'bench: {fast} is not what enumeration finds, {plain}')
+        ratios.append(plain_s / fast_s)
+    yield _at_least(
+        'ecc2009 planning at q = 6 over a plain loop over all 4^6 paths, x faster', ratios, 100
+    )
+
+
+def _ties(console: Console) -> Iterator[Figure]:
+    print_ties(load_scenario('ecc2009'), console)
+    yield from ()
+
+
+BENCHMARKS: Mapping[str, Callable[[Console], Iterator[Figure]]] = {
+    'mission': _mission_speed,
+    'lockstep': _lockstep,
+    'planning': _planning,
+    'ties': _ties,
+}
+_ON_REQUEST = frozenset({'ties'})

@@ -1,0 +1,101 @@
+"""A mission flown in this process, shown and recorded like one of ROS 2 nodes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from contextlib import ExitStack
+from threading import Event as Pause
+from time import monotonic
+
+from msgs_json import codec
+from msgs_json.agent_shell import Frame
+from msgs_json.messages import Event
+from msgs_json.ros_messages import ClockTime, Odometry, Text, nanoseconds, to_cdr
+from msgs_json.topics import MISSION_EVENTS
+
+from c3_station.bag import BagFacts, BagWriter, stamp_ns
+from c3_station.flight import Flight
+from c3_station.in_process import fly
+from c3_station.mission_monitor import MissionMonitor
+from c3_station.recorded_topics import mission_topics
+from c3_station.run_folder import RunFolder
+from c3_station.scenario import Scenario
+
+
+def fly_in_process(
+    scenario: Scenario,
+    folder: RunFolder,
+    monitor: MissionMonitor,
+    *,
+    rate: float,
+    bag: bool,
+    refresh: Callable[[], None],
+) -> Flight:
+    """
+    Fly a mission without ROS; with the same outputs as `ros_flight.fly_on_ros`.
+
+    Raises
+    ------
+    BagError
+        The bag cannot be written.
+
+    """
+    began_s = monotonic()
+    with ExitStack() as stack:
+        writer = None
+        if bag:
+            writer = stack.enter_context(BagWriter(folder.bag, mission_topics(scenario)))
+        fly(scenario, _Sink(monitor, writer, rate, refresh))
+        wall_s = monotonic() - began_s
+        if writer is not None:
+            writer.close(
+                BagFacts(
+                    wall_s=wall_s, real_time_factor=monitor.now_s / wall_s, complete=True
+                )
+            )
+    return Flight(first_tick_s=0.0)
+
+
+class _Sink:
+    """Takes every message of the mission: into the bag, to the view, at the pace asked for."""
+
+    def __init__(
+        self,
+        monitor: MissionMonitor,
+        writer: BagWriter | None,
+        rate: float,
+        refresh: Callable[[], None],
+    ) -> None:
+        self._monitor = monitor
+        self._writer = writer
+        self._rate = rate
+        self._refresh = refresh
+        self._began_s = monotonic()
+        self._pause = Pause()
+
+    def __call__(self, name: str, frame: Frame) -> None:
+        """Take a message that an agent, or the world in its name, publishes."""
+        message = frame.message
+        match message:
+            case ClockTime(time_s=time_s):
+                self._keep_pace(time_s)
+                self._monitor.clock(time_s)
+                self._refresh()
+            case Odometry():
+                self._monitor.odometry(name, message)
+            case Text(data) if frame.topic is MISSION_EVENTS:
+                envelope, body = codec.decode(data)
+                if isinstance(body, Event):
+                    self._monitor.event(envelope.src, envelope.stamp, body)
+        if self._writer is not None:
+            cdr = to_cdr(message)
+            stamp = stamp_ns(frame.topic.ros_type, cdr)
+            if stamp is None:
+                stamp = nanoseconds(self._monitor.now_s)
+            self._writer.write(frame.topic.resolve(f'/{name}'), cdr, stamp)
+
+    def _keep_pace(self, time_s: float) -> None:
+        if self._rate > 0:
+            early_s = time_s / self._rate - (monotonic() - self._began_s)
+            if early_s > 0:
+                self._pause.wait(early_s)

@@ -1,0 +1,55 @@
+"""The folder of one run, and what is in it."""
+
+from __future__ import annotations
+
+import shutil
+from datetime import UTC, datetime
+from pathlib import Path
+
+from c3_station.scenario import Scenario
+
+_RUNS = Path('runs')
+_MARKER = 'scenario.json'
+"""Is in every run folder; `--force` replaces no folder without it."""
+
+
+class RunFolder:
+    """``bag/``, ``logs/``, ``figures/``, ``scenario.json``, ``summary.json``, ``report.html``."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self.bag = path / 'bag'
+        self.logs = path / 'logs'
+        self.params = path / 'params.yaml'
+        self.scenario = path / _MARKER
+        self.report = path / 'report.html'
+
+
+def new_run_folder(out: Path | None, scenario: Scenario, *, force: bool) -> RunFolder:
+    """
+    Make the folder of a run.
+
+    Raises
+    ------
+    ValueError
+        It exists and may not be replaced, or cannot be made.
+
+    """
+    if out is None:
+        # Local time: a person looks for "the run of this morning".
+        now = datetime.now(UTC).astimezone()
+        out = _RUNS / f'{scenario.name}-{now:%Y%m%d-%H%M%S-%f}'
+    if out.exists():
+        if not force:
+            raise ValueError(f'--out {out}: exists already; name another, or add --force')
+        if not (out / _MARKER).is_file() and any(out.iterdir()):
+            raise ValueError(
+                f'--out {out}: is not the folder of a run, so --force leaves it alone'
+            )
+        shutil.rmtree(out)
+    folder = RunFolder(out)
+    try:
+        folder.logs.mkdir(parents=True)
+    except OSError as error:
+        raise ValueError(f'--out {out}: cannot be made, {error.strerror}') from None
+    return folder
