@@ -27,6 +27,7 @@ from rosbags.rosbag2 import Reader, ReaderError, StoragePlugin, Writer, WriterEr
 from rosbags.rosbag2.storage_mcap import Channel, McapWriter, write_channel, write_string
 from rosbags.typesys import Stores, get_typestore
 
+from c3_station.mcap_salvage import Salvage
 from msgs_json.messages import Seconds
 from msgs_json.ros_messages import NANOSECONDS, nanoseconds, text_from_cdr
 from msgs_json.topics import STRING
@@ -51,7 +52,6 @@ class BagError(ValueError):
 class BagFacts(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
     """What a bag says about its own making; the values of wall time are in no message."""
 
-    software_version: str | None = None
     wall_s: float | None = None
     """From the first tick to the last."""
     real_time_factor: float | None = None
@@ -128,7 +128,7 @@ class _JazzyMcapWriter(McapWriter):
         write_channel(self.chunk.bio, channel, self.schemas)
 
 
-class JazzyWriter(Writer):
+class _JazzyWriter(Writer):
     """rosbags' writer, set to what Jazzy's recorder writes."""
 
     STORAGE_PLUGINS = {StoragePlugin.MCAP: _JazzyMcapWriter}  # noqa: RUF012  as in the base class
@@ -164,7 +164,7 @@ class BagWriter:
 
     def __init__(self, path: Path, topics: Iterable[RecordedTopic]) -> None:
         self.path = path
-        self._writer = JazzyWriter(path) if not path.exists() else None
+        self._writer = _JazzyWriter(path) if not path.exists() else None
         if self._writer is None:
             raise BagError(f'{path}: exists already; a bag is never written over another')
         store = get_typestore(Stores.ROS2_JAZZY)
@@ -211,7 +211,7 @@ class BagWriter:
         self.close()
 
     @contextmanager
-    def _writing(self) -> Iterator[JazzyWriter]:
+    def _writing(self) -> Iterator[_JazzyWriter]:
         if self._writer is None:
             raise BagError(f'{self.path}: is closed')
         try:
@@ -351,14 +351,14 @@ def find_bag(path: Path) -> Path:
     folder = path / 'bag' if (path / 'bag').is_dir() else path
     if (folder / 'metadata.yaml').is_file():
         return folder
-    if mcap_files(folder):
+    if _mcap_files(folder):
         raise BagError(
             f'{folder}: was not closed: it has no metadata.yaml; mend it with: {RECOVER} {folder}'
         )
     raise BagError(f'{path}: is no bag: it has neither metadata.yaml nor an .mcap file')
 
 
-def mcap_files(folder: Path) -> list[Path]:
+def _mcap_files(folder: Path) -> list[Path]:
     """Return the MCAP files of a bag's folder, in the order in which they were written."""
     return sorted(folder.glob('*.mcap'))
 
@@ -369,3 +369,83 @@ def _facts(custom: dict[str, str] | None) -> BagFacts:
         return msgspec.convert(custom or {}, BagFacts, strict=False)
     except msgspec.ValidationError:
         return BagFacts()
+
+
+# --- mending -------------------------------------------------------------------------------------
+
+
+def recover_bag(path: Path, out: Path) -> int:
+    """
+    Write what can be saved of a bag that was not closed, or is damaged, into a new one.
+
+    Parameters
+    ----------
+    path
+        The broken bag: its folder, the MCAP file in it, or a mission's folder with ``bag`` in it.
+    out
+        The new bag's folder; it must not exist.
+
+    Returns
+    -------
+    int
+        How many messages were saved.
+
+    Raises
+    ------
+    BagError
+        There is nothing to save, nothing to mend, or no way to write ``out``.
+
+    """
+    if _is_whole(path):
+        raise BagError(f'{path}: is whole and can be read; there is nothing to recover')
+    files = _files_to_salvage(path)
+    salvage = Salvage()
+    for file in files:
+        try:
+            salvage.read(file)
+        except ValueError as error:
+            raise BagError(str(error)) from None
+    if not salvage.messages:
+        sizes = ', '.join(f'{file.name} of {file.stat().st_size} bytes' for file in files)
+        raise BagError(f'{path}: holds no whole message ({sizes}); nothing can be recovered')
+    try:
+        _write_salvage(salvage, out)
+    except (OSError, WriterError) as error:
+        raise BagError(f'{out}: cannot be written: {error}') from None
+    return len(salvage.messages)
+
+
+def _is_whole(path: Path) -> bool:
+    try:
+        with BagReader(path) as reader:
+            return sum(1 for _ in reader.messages()) == reader.message_count
+    except BagError:
+        return False
+
+
+def _files_to_salvage(path: Path) -> list[Path]:
+    if not path.exists():
+        raise BagError(f'{path}: there is no such bag')
+    if path.is_file():
+        return [path]
+    files = _mcap_files(path) or _mcap_files(path / 'bag')
+    if not files:
+        raise BagError(f'{path}: is no bag: there is no .mcap file in it')
+    return files
+
+
+def _write_salvage(salvage: Salvage, out: Path) -> None:
+    with _JazzyWriter(out) as writer:
+        connections = {
+            channel.topic: writer.add_connection(
+                channel.topic,
+                channel.ros_type,
+                msgdef=channel.definition,
+                rihs01=channel.type_hash,
+                offered_qos_profiles=channel.qos,
+            )
+            for channel in salvage.channels.values()
+        }
+        for topic, log_time_ns, cdr in salvage.messages:
+            writer.write(connections[topic], log_time_ns, cdr)
+        writer.set_facts(BagFacts(complete=False))

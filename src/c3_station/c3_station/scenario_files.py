@@ -81,17 +81,24 @@ def parse_scenario(text: str) -> Scenario:
     return _checked(value, 'scenario JSON', None)
 
 
-def validated_scenario(scenario: Scenario, source: str) -> Scenario:
+def with_choices(scenario: Scenario, *, planner: str | None, seed: int | None) -> Scenario:
     """
-    Return a scenario that was put together or changed in a program, checked like a file.
+    Return a scenario with another planner or seed; None keeps what it has.
+
+    Another planner is flown with its default options: those in the file are the file's planner's.
 
     Raises
     ------
     ScenarioError
-        Something in it is wrong; the text begins with ``source``.
+        There is no such planner, or the seed is out of range.
 
     """
-    return _checked(msgspec.to_builtins(scenario), source, None)
+    content = msgspec.to_builtins(scenario)
+    if planner is not None and planner != scenario.planner.name:
+        content['planner'] |= {'name': planner, 'options': {}}
+    if seed is not None:
+        content['seed'] = seed
+    return _checked(content, 'command line', None)
 
 
 def scenario_json(scenario: Scenario) -> bytes:

@@ -21,8 +21,7 @@ from mcap_ros2.decoder import DecoderFactory
 from rosbags.rosbag2 import Reader
 from rosbags.typesys import Stores, get_typestore
 
-from c3_station.bag import BagError, BagFacts, BagReader, BagWriter, stamp_ns
-from c3_station.bag_recovery import recover_bag
+from c3_station.bag import BagError, BagFacts, BagReader, BagWriter, recover_bag, stamp_ns
 from c3_station.in_process import fly
 from c3_station.recorded_topics import RecordedTopic, mission_topics
 from c3_station.scenario import Scenario
@@ -147,7 +146,7 @@ def record(path: Path, scenario: Scenario) -> dict[str, int]:
 
 
 def test_facts_come_back_and_are_not_complete_unless_said(tmp_path: Path) -> None:
-    facts = BagFacts(software_version='0.1.0', wall_s=12.25, real_time_factor=43.5, complete=True)
+    facts = BagFacts(wall_s=12.25, real_time_factor=43.5, complete=True)
     with BagWriter(tmp_path / 'told', RECORDED) as writer:
         writer.close(facts)
     with BagWriter(tmp_path / 'untold', RECORDED):

@@ -21,9 +21,11 @@ from c3_station.scenario_files import (
     scenario_from_json,
     scenario_json,
     shipped_scenarios,
-    validated_scenario,
+    with_choices,
 )
 from msgs_json.params import validated
+from uav_planner.planners import PLANNERS
+from uav_planner.planners.ecc2009 import Ecc2009Planner
 
 ECC2009 = yaml.safe_load(shipped_scenarios()['ecc2009'].read_text())
 
@@ -294,11 +296,30 @@ def test_json_is_checked_like_a_file() -> None:
         parse_scenario('{"name": ')
 
 
-def test_changed_scenario_is_checked_again() -> None:
-    scenario = load_scenario('ecc2009')
-    assert validated_scenario(scenario, 'command line') == scenario
+def test_choices_replace_planner_and_seed_and_are_checked() -> None:
+    content = changed(('planner', 'options'), {'tie_order': 'wsen-last'})
+    scenario = parse_scenario(msgspec.json.encode(content).decode())
+    assert with_choices(scenario, planner=None, seed=None) == scenario
+    assert with_choices(scenario, planner='ecc2009', seed=0) == scenario
+    assert with_choices(scenario, planner=None, seed=7).seed == 7
     with pytest.raises(ScenarioError, match='command line: seed is -3'):
-        validated_scenario(msgspec.structs.replace(scenario, seed=-3), 'command line')
+        with_choices(scenario, planner=None, seed=-3)
+    with pytest.raises(ScenarioError, match=r"planner.name .*'best'.*allowed: ecc2009"):
+        with_choices(scenario, planner='best', seed=None)
+
+
+def test_another_planner_does_not_get_the_options_of_the_first(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    # No two planners may be there yet: a second name for the one that is, without options.
+    planners = dict(PLANNERS) | {'other': Ecc2009Planner}
+    monkeypatch.setattr('uav_planner.planners.PLANNERS', planners)
+    monkeypatch.setattr('c3_station.scenario_checks.PLANNERS', planners)
+    content = changed(('planner', 'options'), {'tie_order': 'wsen-last'})
+    scenario = parse_scenario(msgspec.json.encode(content).decode())
+    chosen = with_choices(scenario, planner='other', seed=None).planner
+    assert (chosen.name, chosen.options) == ('other', {})
+    assert chosen.path_cells == scenario.planner.path_cells
 
 
 def test_recorded_scenario_may_name_parts_that_are_gone() -> None:
