@@ -87,7 +87,7 @@ ROSDEP_KEYS = {
 }
 """How ``package.xml`` names what is not a ROS package."""
 
-WITHOUT_ROSDEP_KEY = {'mcap', 'msgspec'}
+WITHOUT_ROSDEP_KEY = {'mcap', 'mcap_ros2', 'msgspec'}
 
 ROS_TYPE = re.compile(r'([a-z][a-z0-9_]*)/(?:msg|srv)/[A-Z]\w*')
 
@@ -198,9 +198,17 @@ def test_executables_and_drivers_have_their_names(room: Room) -> None:
 
 
 @each_room
-def test_every_pattern_of_package_data_finds_a_file(room: Room) -> None:
+def test_package_data_is_what_lies_beside_the_modules(room: Room) -> None:
     [(package, patterns)] = setup_arguments(room)['package_data'].items()
-    assert [p for p in patterns if not any((room.path / package).glob(p))] == []
+    folder = room.path / package
+    found = {pattern: set(folder.glob(pattern)) for pattern in patterns}
+    assert [pattern for pattern, files in found.items() if not files] == []
+    beside = {
+        path
+        for path in folder.rglob('*')
+        if path.is_file() and path.suffix != '.py' and path.parent.name != '__pycache__'
+    }
+    assert beside == set().union(*found.values())
 
 
 def test_colcon_meta_names_every_package_and_no_other() -> None:
