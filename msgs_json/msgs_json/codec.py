@@ -74,9 +74,10 @@ class MessageError(ValueError):
         self.detail = detail
 
 
-_SCHEMA_TYPES: dict[str, object] = {
+SCHEMA_TYPES: dict[str, object] = {
     t.__name__: t for t in (*RADIO_MESSAGES, *LOCKSTEP_MESSAGES, *STATUS_MESSAGES)
 } | {MISSION_EVENT: MissionEvent}
+"""Body type of every schema, by its name."""
 
 DETAIL_MAX_CHARS = 300
 """A refusal quotes what was wrong; this is enough to see it, whatever was sent."""
@@ -90,7 +91,7 @@ _encoder = msgspec.json.Encoder()
 
 @cache
 def _body_decoder(schema: str) -> msgspec.json.Decoder[Message]:
-    return msgspec.json.Decoder(_SCHEMA_TYPES[schema])
+    return msgspec.json.Decoder(SCHEMA_TYPES[schema])
 
 
 def encode(
@@ -144,8 +145,8 @@ def open_body(envelope: Envelope) -> Message:
         Where the schema is unknown or the body is not of its shape or ranges.
 
     """
-    if envelope.schema not in _SCHEMA_TYPES:
-        known = ', '.join(sorted(_SCHEMA_TYPES))
+    if envelope.schema not in SCHEMA_TYPES:
+        known = ', '.join(sorted(SCHEMA_TYPES))
         raise MessageError(
             Refusal.UNKNOWN_SCHEMA,
             envelope.src,

@@ -50,6 +50,8 @@ class _Station:
     kind: StationKind
     position: Point | None = None
     z_m: float = 0.0
+    next_seq: int = 0
+    """Number of what it says next: a station counts without a gap, and nothing is lost so far."""
 
 
 class RadioChannel:
@@ -100,15 +102,21 @@ class RadioChannel:
 
     def _verdict(self, speaker: str, payload: bytes) -> str | BlockReason:
         """Return the name of the receiver, or why nobody hears the message."""
-        if len(payload) > self._model.max_message_bytes:
-            return BlockReason.SIZE
+        too_long = len(payload) > self._model.max_message_bytes
         try:
             envelope = codec.open_envelope(payload)
         except MessageError:
-            return BlockReason.MALFORMED
+            return BlockReason.SIZE if too_long else BlockReason.MALFORMED
         source, target = self._stations[speaker], self._stations.get(envelope.dst)
-        if envelope.src != speaker or target is None or (source.kind, target.kind) not in _LINKS:
+        if envelope.src != speaker or envelope.seq > source.next_seq:
+            return BlockReason.UNKNOWN_SENDER  # somebody else, on the station's topic
+        if envelope.seq < source.next_seq:
+            return BlockReason.REPLAY
+        source.next_seq += 1
+        if target is None or (source.kind, target.kind) not in _LINKS:
             return BlockReason.UNKNOWN_SENDER
+        if too_long:
+            return BlockReason.SIZE
         if source.z_m < 0 or target.z_m < 0:
             return BlockReason.SUBMERGED
         if source.position is None or target.position is None:
