@@ -1,0 +1,448 @@
+"""
+The figures of a mission, from its events alone.
+
+Nothing here depends on the order in which events arrive: within one tick a bag may hold them in
+any order. What belongs together is found by leg, sortie and sample numbers. Times are seconds
+since the mission was started.
+"""
+
+from __future__ import annotations
+
+import heapq
+import math
+import re
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import msgspec
+
+from auv_sim.world import WORLD
+from c3_station.bag import BagFacts
+from c3_station.scenario_files import scenario_from_json
+from msgs_json import codec
+from msgs_json.codec import MessageError
+from msgs_json.geometry import TOLERANCE, Cell, is_before
+from msgs_json.messages import (
+    CellEntered,
+    Event,
+    MessageRefused,
+    Met,
+    MissionCompleted,
+    MissionStarted,
+    MissionStopped,
+    RadioStatus,
+    SamplesDelivered,
+    SortieDeparted,
+    SortieReturned,
+    Surfaced,
+)
+from msgs_json.ros_messages import ClockTime, RosMessage, Text
+from msgs_json.topics import CLOCK, MISSION_EVENTS, RADIO_STATUS
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Mapping, Sequence
+
+    from c3_station.scenario import Limits, Scenario
+    from msgs_json.agent_shell import Frame
+
+_FIGURES_IN = (MISSION_EVENTS.name, RADIO_STATUS.resolve(f'/{WORLD}'))
+
+Record = tuple[str, float, RosMessage]
+"""A message with its absolute topic and its time, seconds."""
+
+SCHEMA_VERSION = 1
+"""Of ``summary.json``; a change that a reader would misread raises it."""
+
+
+class MeetingSummary(msgspec.Struct, frozen=True, kw_only=True):
+    """The UAV met an AUV."""
+
+    auv: str
+    time_s: float
+    cell: Cell
+    slack_s: float | None
+    """lambda, before the choice; None where no path was planned."""
+    path: tuple[Cell, ...]
+    """The path handed over, P_0 first; empty where the AUV stays up for recovery."""
+    plan_status: str | None
+
+
+class SortieSummary(msgspec.Struct, frozen=True, kw_only=True):
+    """A sortie, from leaving C3 to being back."""
+
+    index: int
+    """Counted from 1."""
+    departed_s: float
+    returned_s: float | None
+    """None where the record ends before."""
+    duration_s: float | None
+    worst_case_s: float
+    """Of the whole route at departure, waits included."""
+    predicted_s: float
+    """The planner's own figure."""
+    limit_s: float
+    meetings: tuple[MeetingSummary, ...]
+
+
+class RadioSummary(msgspec.Struct, frozen=True, kw_only=True):
+    """What became of the radio messages."""
+
+    delivered: int
+    blocked: dict[str, int]
+    """By reason."""
+
+
+class RefusalSummary(msgspec.Struct, frozen=True, kw_only=True):
+    """A node refused a message; noted once per sender and reason."""
+
+    node: str
+    sender: str
+    reason: str
+    detail: str
+
+
+class Summary(msgspec.Struct, frozen=True, kw_only=True):
+    """What a mission came to; None where the record does not show it (any more, or yet)."""
+
+    schema_version: int = SCHEMA_VERSION
+    scenario: str | None
+    planner: str | None
+    seed: int | None
+    software_version: str | None
+    complete: bool
+    """Whether C3 called the mission completed."""
+    stopped: str | None
+    """Why it ended before, where the world said so."""
+    explored_s: float | None
+    """When the last cell was entered for the first time; start cells count at t = 0."""
+    delivered_s: float | None
+    """When C3 had the last sample of an explored region."""
+    mission_s: float | None
+    """When all AUVs were up for recovery, all data at C3 and the UAV home."""
+    cells_total: int | None
+    cells_explored: int
+    moves_total: int
+    """Cells entered after the start cells, up to `explored_s`."""
+    revisits: int
+    """How many of these moves led to a cell that had been entered before."""
+    sorties: tuple[SortieSummary, ...]
+    sortie_limit_violations: int
+    """Sorties longer than their limit, one still being flown at the end included."""
+    neglect_s: dict[str, float]
+    """By AUV: surfaced and not yet met, up to `explored_s` (to the end where that is None)."""
+    neglect_fraction: float | None
+    """Sum of `neglect_s` over `explored_s`; may exceed 1 with many AUVs."""
+    samples_collected: int
+    samples_delivered: int
+    lower_bound_s: float | None
+    """No planner can explore the region before."""
+    radio: RadioSummary | None
+    refusals: tuple[RefusalSummary, ...]
+    unreadable: int
+    """Entries of the mission's log that could not be understood, and are in no figure."""
+    wall_s: float | None
+    real_time_factor: float | None
+
+    @property
+    def samples_lost(self) -> int | None:
+        """Return how many samples are not at C3; None where nothing was sampled."""
+        if self.samples_collected == 0:
+            return None
+        return self.samples_collected - self.samples_delivered
+
+    def to_json(self) -> bytes:
+        """Return the content of ``summary.json``, with each cell in one line."""
+        text = msgspec.json.format(msgspec.json.encode(self), indent=2)
+        return re.sub(rb'\[\s+(\d+),\s+(\d+)\s+\]', rb'[\1, \2]', text) + b'\n'
+
+
+@dataclass(frozen=True, slots=True)
+class LoggedEvent:
+    """An event of the mission's log, with who logged it and when it happened."""
+
+    stamp_s: float
+    source: str
+    event: Event
+
+
+class Summarizer:
+    """
+    Gathers a mission's events while it is flown or read, and makes the summary of them.
+
+    Cheap to feed, so that it can listen to a running mission; `summary` may be called any time.
+    """
+
+    def __init__(self) -> None:
+        self.events: list[LoggedEvent] = []
+        """In the order of arrival."""
+        self._radio: RadioStatus | None = None
+        self._unreadable = 0
+        self._latest_s = 0.0
+
+    def frame(self, name: str, frame: Frame) -> None:
+        """Take what a node publishes, as the in-process kernel passes it on."""
+        self.message(frame.topic.resolve(f'/{name}'), frame.message)
+
+    def message(self, topic: str, message: RosMessage) -> None:
+        """Take a message of an absolute topic; those that say nothing here are passed over."""
+        match message:
+            case ClockTime(time_s=time_s) if topic == CLOCK.name:
+                self._latest_s = max(self._latest_s, time_s)
+            case Text(data=data) if topic == MISSION_EVENTS.name or topic.endswith(
+                RADIO_STATUS.name
+            ):
+                self._json(data)
+
+    def event(self, source: str, stamp_s: float, event: Event) -> None:
+        """Take an event."""
+        self.events.append(LoggedEvent(stamp_s, source, event))
+        self._latest_s = max(self._latest_s, stamp_s)
+
+    def summary(self, facts: BagFacts | None = None) -> Summary:
+        """Return the figures of all that was taken so far."""
+        figures = _Figures(self.events, self._latest_s)
+        return figures.summary(self._radio, self._unreadable, facts or BagFacts())
+
+    def _json(self, data: bytes) -> None:
+        try:
+            envelope, body = codec.decode(data)
+        except MessageError:
+            self._unreadable += 1
+            return
+        match body:
+            case Event():
+                self.event(envelope.src, envelope.stamp, body)
+            case RadioStatus():
+                self._radio = body
+
+
+def mission_start_s(events: Sequence[LoggedEvent]) -> float:
+    """Return when a mission was started; without that entry, when its log begins."""
+    for each in events:
+        if isinstance(each.event, MissionStarted):
+            return each.stamp_s
+    return min((each.stamp_s for each in events), default=0.0)
+
+
+def summarize(records: Iterable[Record], facts: BagFacts | None = None) -> Summary:
+    """Return the figures of a mission from its messages, in any order within a tick."""
+    summarizer = Summarizer()
+    for topic, _, message in records:
+        summarizer.message(topic, message)
+    return summarizer.summary(facts)
+
+
+def failed_conditions(summary: Summary, scenario: Scenario) -> list[str]:
+    """Return a sentence for each pass condition that was not met; empty if all were."""
+    conditions: dict[str, Limits] = msgspec.structs.asdict(scenario.pass_conditions)
+    return [
+        sentence
+        for name, limits in conditions.items()
+        for sentence in _failures(name, getattr(summary, name), limits)
+    ]
+
+
+def lower_bound_s(scenario: Scenario) -> float:
+    """
+    Return a time before which no planner can have the region explored.
+
+    Each cell that is not a start cell must be entered once, by some AUV. An AUV needs
+    ``cell_m / speed_mps`` from one cell centre to the next, so by time t it has entered at most
+    ``floor(t * speed_mps / cell_m)``; the bound is the first time at which these add up to the
+    cells there are. Surfacing, revisits and paths that meet in the same cell only add to it.
+    """
+    starts = {auv.initial_path[0] for auv in scenario.auvs}
+    cells_left = scenario.region.cells_total - len(starts)
+    if cells_left == 0:
+        return 0.0
+    seconds_per_cell = [scenario.region.cell_m / auv.speed_mps for auv in scenario.auvs]
+    # At this time they could all be entered if parts of cells counted; then cell by cell.
+    even_s = cells_left / sum(1.0 / each_s for each_s in seconds_per_cell)
+    entered = [math.floor(even_s / each_s * (1.0 + TOLERANCE)) for each_s in seconds_per_cell]
+    bound_s = max(count * each_s for count, each_s in zip(entered, seconds_per_cell, strict=True))
+    next_entries = [
+        ((count + 1) * each_s, each_s)
+        for count, each_s in zip(entered, seconds_per_cell, strict=True)
+    ]
+    heapq.heapify(next_entries)
+    for _ in range(cells_left - sum(entered)):
+        time_s, each_s = next_entries[0]
+        bound_s = max(bound_s, time_s)
+        heapq.heapreplace(next_entries, (time_s + each_s, each_s))
+    return bound_s
+
+
+def _failures(name: str, value: float | None, limits: Limits) -> list[str]:
+    bounds = (('less', 'at least', limits.min), ('more', 'at most', limits.max))
+    wanted = [(wrong, allowed, bound) for wrong, allowed, bound in bounds if bound is not None]
+    if value is None:
+        allowed = ' and '.join(f'{allowed} {bound:g}' for _, allowed, bound in wanted)
+        return [f'{name} has no value, it must be {allowed}'] if wanted else []
+    return [
+        f'{name} is {value:.6g}, {wrong} than allowed: {allowed} {bound:g}'
+        for wrong, allowed, bound in wanted
+        if (value < bound if wrong == 'less' else value > bound)
+    ]
+
+
+class _Figures:
+    """The events of a mission, sorted by what they are about."""
+
+    def __init__(self, events: Iterable[LoggedEvent], latest_s: float) -> None:
+        self.started: MissionStarted | None = None
+        self.completed_s: float | None = None
+        self.stopped: str | None = None
+        self.refusals: list[RefusalSummary] = []
+        self.entries: list[tuple[float, CellEntered]] = []
+        self.surfaced_s: dict[tuple[str, int], float] = {}
+        """By AUV and the leg that ended."""
+        self.met: dict[tuple[str, int], tuple[float, Met]] = {}
+        """The same key."""
+        self.departed: dict[int, tuple[float, SortieDeparted]] = {}
+        self.returned: dict[int, tuple[float, SortieReturned]] = {}
+        self.deliveries: list[tuple[float, SamplesDelivered]] = []
+        ordered = sorted(events, key=lambda logged: logged.stamp_s)
+        start_s = mission_start_s(ordered)
+        for each in ordered:
+            self._sort(each.source, _seconds(each.stamp_s - start_s), each.event)
+        self.latest_s = _seconds(latest_s - start_s)
+
+    def _sort(self, source: str, time_s: float, event: Event) -> None:
+        match event:
+            case MissionStarted():
+                self.started = self.started or event
+            case MissionCompleted():
+                self.completed_s = time_s
+            case MissionStopped(reason=reason, node=node):
+                self.stopped = f'{reason} ({node})' if node else reason
+            case MessageRefused():
+                self.refusals.append(
+                    RefusalSummary(
+                        node=source,
+                        sender=event.sender,
+                        reason=event.reason,
+                        detail=event.detail,
+                    )
+                )
+            case CellEntered():
+                self.entries.append((time_s, event))
+            case Surfaced():
+                self.surfaced_s[source, event.leg_id] = time_s
+            case Met():
+                self.met[event.auv, event.leg_id] = (time_s, event)
+            case SortieDeparted():
+                self.departed[event.sortie] = (time_s, event)
+            case SortieReturned():
+                self.returned[event.sortie] = (time_s, event)
+            case SamplesDelivered():
+                self.deliveries.append((time_s, event))
+
+    def summary(self, radio: RadioStatus | None, unreadable: int, facts: BagFacts) -> Summary:
+        """Return the summary."""
+        scenario = scenario_from_json(self.started.scenario) if self.started else None
+        first_entered_s = self._first_entered_s()
+        explored_s = None
+        if scenario and len(first_entered_s) == scenario.region.cells_total:
+            explored_s = max(first_entered_s.values())
+        moves = self._moves(explored_s)
+        neglect_s = self._neglect_s(scenario, explored_s)
+        sorties = self._sorties()
+        delivered = sum(event.samples for _, event in self.deliveries)
+        return Summary(
+            scenario=scenario.name if scenario else None,
+            planner=self.started.planner if self.started else None,
+            seed=self.started.seed if self.started else None,
+            software_version=self.started.software_version if self.started else None,
+            complete=self.completed_s is not None,
+            stopped=self.stopped,
+            explored_s=explored_s,
+            delivered_s=(
+                self.deliveries[-1][0]
+                if explored_s is not None and delivered == len(self.entries)
+                else None
+            ),
+            mission_s=self.completed_s,
+            cells_total=scenario.region.cells_total if scenario else None,
+            cells_explored=len(first_entered_s),
+            moves_total=len(moves),
+            revisits=len(moves) - len({move.cell for move in moves} - self._start_cells()),
+            sorties=sorties,
+            sortie_limit_violations=sum(self._is_over_limit(sortie) for sortie in sorties),
+            neglect_s=neglect_s,
+            neglect_fraction=sum(neglect_s.values()) / explored_s if explored_s else None,
+            samples_collected=len(self.entries),
+            samples_delivered=delivered,
+            lower_bound_s=_seconds(lower_bound_s(scenario)) if scenario else None,
+            radio=(
+                RadioSummary(delivered=radio.delivered, blocked=radio.blocked) if radio else None
+            ),
+            refusals=tuple(self.refusals),
+            unreadable=unreadable,
+            wall_s=facts.wall_s,
+            real_time_factor=facts.real_time_factor,
+        )
+
+    def _first_entered_s(self) -> Mapping[Cell, float]:
+        first_entered_s: dict[Cell, float] = {}
+        for time_s, event in self.entries:
+            first_entered_s.setdefault(event.cell, time_s)
+        return first_entered_s
+
+    def _start_cells(self) -> set[Cell]:
+        return {event.cell for _, event in self.entries if event.sample_number == 0}
+
+    def _moves(self, explored_s: float | None) -> list[CellEntered]:
+        return [
+            event
+            for time_s, event in self.entries
+            if event.sample_number > 0 and (explored_s is None or time_s <= explored_s)
+        ]
+
+    def _neglect_s(self, scenario: Scenario | None, explored_s: float | None) -> dict[str, float]:
+        end_s = self.latest_s if explored_s is None else explored_s
+        neglect_s = {auv.name: 0.0 for auv in scenario.auvs} if scenario else {}
+        for (auv, leg_id), surfaced_s in self.surfaced_s.items():
+            met_s = self.met[auv, leg_id][0] if (auv, leg_id) in self.met else math.inf
+            waited_s = max(0.0, min(met_s, end_s) - surfaced_s)
+            neglect_s[auv] = _seconds(neglect_s.get(auv, 0.0) + waited_s)
+        return neglect_s
+
+    def _sorties(self) -> tuple[SortieSummary, ...]:
+        sorties = []
+        for number, (departed_s, departed) in sorted(self.departed.items()):
+            returned_s, returned = self.returned.get(number, (None, None))
+            meetings = [each for each in self.met.values() if each[1].sortie == number]
+            sorties.append(
+                SortieSummary(
+                    index=number,
+                    departed_s=departed_s,
+                    returned_s=returned_s,
+                    duration_s=_seconds(returned.duration_s) if returned else None,
+                    worst_case_s=_seconds(departed.worst_case_s),
+                    predicted_s=_seconds(departed.predicted_s),
+                    limit_s=departed.limit_s,
+                    meetings=tuple(
+                        MeetingSummary(
+                            auv=met.auv,
+                            time_s=time_s,
+                            cell=met.cell,
+                            slack_s=met.slack_s,
+                            path=met.path,
+                            plan_status=met.plan_status,
+                        )
+                        for time_s, met in sorted(meetings, key=lambda each: each[0])
+                    ),
+                )
+            )
+        return tuple(sorties)
+
+    def _is_over_limit(self, sortie: SortieSummary) -> bool:
+        lasted_s = sortie.duration_s
+        if lasted_s is None:
+            lasted_s = self.latest_s - sortie.departed_s
+        return is_before(sortie.limit_s, lasted_s)
+
+
+def _seconds(time_s: float) -> float:
+    """Return a time to the microsecond, without the noise of its arithmetic."""
+    return round(time_s, 6)

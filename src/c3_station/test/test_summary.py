@@ -1,0 +1,493 @@
+"""The figures of a mission: their definitions, and the same figures from odometry alone."""
+
+from __future__ import annotations
+
+import functools
+import itertools
+import json
+import math
+import random
+from collections.abc import Iterator
+
+import msgspec
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from c3_station.bag import BagFacts
+from c3_station.in_process import fly
+from c3_station.scenario import Limits, PassConditions, Scenario
+from c3_station.scenario_files import load_scenario, parse_scenario, scenario_json
+from c3_station.summary import (
+    Summarizer,
+    Summary,
+    failed_conditions,
+    lower_bound_s,
+    summarize,
+)
+from msgs_json import codec
+from msgs_json.agent_shell import Frame
+from msgs_json.geometry import Cell
+from msgs_json.messages import (
+    CellEntered,
+    Event,
+    LegOutcome,
+    MessageRefused,
+    Met,
+    MissionCompleted,
+    MissionStarted,
+    MissionStopped,
+    RadioStatus,
+    SamplesDelivered,
+    SortieDeparted,
+    SortieReturned,
+    Surfaced,
+)
+from msgs_json.ros_messages import Odometry, RosMessage, Text, TrackPath
+
+# --- a mission by hand ---------------------------------------------------------------------------
+
+
+def tiny() -> Scenario:
+    """Return a scenario of one AUV on 2 x 2 cells."""
+    content = json.loads(scenario_json(load_scenario('minimal')))
+    content['region'] = {'cols': 2, 'rows': 2, 'cell_m': 10.0}
+    return parse_scenario(json.dumps(content))
+
+
+def started(scenario: Scenario) -> MissionStarted:
+    return MissionStarted(
+        scenario=msgspec.Raw(scenario_json(scenario)),
+        planner='ecc2009',
+        seed=3,
+        software_version='0.1.0',
+    )
+
+
+def departed(sortie: int) -> SortieDeparted:
+    return SortieDeparted(
+        sortie=sortie, limit_s=30.0, predicted_s=11.0, worst_case_s=12.0, order=('auv_1',)
+    )
+
+
+def met(sortie: int, leg_id: int, cell: Cell, path: tuple[Cell, ...]) -> Met:
+    return Met(
+        sortie=sortie,
+        auv='auv_1',
+        cell=cell,
+        leg_id=leg_id,
+        path=path,
+        slack_s=20.0 if path else None,
+        sortie_time_s=12.0 if path else None,
+        plan_status='ok' if path else None,
+    )
+
+
+def surfaced(leg_id: int, cell: Cell) -> Surfaced:
+    return Surfaced(leg_id=leg_id, outcome=LegOutcome.COMPLETED, cell=cell)
+
+
+def entered(number: int, cell: Cell) -> CellEntered:
+    return CellEntered(cell=cell, sample_number=number)
+
+
+MISSION: list[tuple[float, str, Event]] = [
+    (0.0, 'c3', started(tiny())),
+    (0.0, 'auv_1', entered(0, (0, 0))),
+    (10.0, 'auv_1', entered(1, (1, 0))),
+    (10.0, 'auv_1', surfaced(0, (1, 0))),
+    (12.0, 'uav', departed(1)),
+    (14.0, 'uav', met(1, 0, (1, 0), ((1, 0), (0, 0), (0, 1)))),
+    (16.0, 'uav', SortieReturned(sortie=1, duration_s=4.0)),
+    (16.0, 'c3', SamplesDelivered(sortie=1, samples=2, cells_delivered=2)),
+    (24.0, 'auv_1', entered(2, (0, 0))),
+    (34.0, 'auv_1', entered(3, (0, 1))),
+    (34.0, 'auv_1', surfaced(1, (0, 1))),
+    (37.0, 'uav', departed(2)),
+    (39.0, 'uav', met(2, 1, (0, 1), ((0, 1), (1, 1), (1, 0)))),
+    (41.0, 'uav', SortieReturned(sortie=2, duration_s=4.0)),
+    (41.0, 'c3', SamplesDelivered(sortie=2, samples=2, cells_delivered=3)),
+    (49.0, 'auv_1', entered(4, (1, 1))),
+    (59.0, 'auv_1', entered(5, (1, 0))),
+    (59.0, 'auv_1', surfaced(2, (1, 0))),
+    (60.0, 'uav', departed(3)),
+    (64.0, 'uav', met(3, 2, (1, 0), ())),
+    (97.0, 'uav', SortieReturned(sortie=3, duration_s=37.0)),
+    (97.0, 'c3', SamplesDelivered(sortie=3, samples=2, cells_delivered=4)),
+    (97.0, 'c3', MissionCompleted(cells_delivered=4, samples_delivered=6)),
+]
+
+
+def summary_of(events: list[tuple[float, str, Event]], facts: BagFacts | None = None) -> Summary:
+    summarizer = Summarizer()
+    for stamp_s, source, event in events:
+        summarizer.event(source, stamp_s, event)
+    return summarizer.summary(facts)
+
+
+def test_figures_of_a_mission_by_hand() -> None:
+    summary = summary_of(MISSION, BagFacts(wall_s=2.0, real_time_factor=48.5, complete=True))
+    assert (summary.scenario, summary.planner, summary.seed) == ('minimal', 'ecc2009', 3)
+    assert summary.software_version == '0.1.0'
+    assert summary.complete
+    assert summary.explored_s == 49.0  # cell (1, 1) is the last one
+    assert summary.delivered_s == summary.mission_s == 97.0
+    assert (summary.cells_total, summary.cells_explored) == (4, 4)
+    assert summary.moves_total == 4  # the one at 59 s comes after the region was explored
+    assert summary.revisits == 1  # (0, 0) at 24 s
+    assert summary.neglect_s == {'auv_1': 4.0 + 5.0}
+    assert summary.neglect_fraction == 9.0 / 49.0
+    assert (summary.samples_collected, summary.samples_delivered) == (6, 6)
+    assert summary.samples_lost == 0
+    assert summary.lower_bound_s == 30.0
+    assert summary.sortie_limit_violations == 1  # 37 s, the limit is 30 s
+    assert (summary.wall_s, summary.real_time_factor) == (2.0, 48.5)
+    first, _, third = summary.sorties
+    assert (first.index, first.departed_s, first.returned_s, first.duration_s) == (1, 12, 16, 4)
+    assert (first.worst_case_s, first.predicted_s, first.limit_s) == (12.0, 11.0, 30.0)
+    (meeting,) = first.meetings
+    assert (meeting.auv, meeting.time_s, meeting.cell) == ('auv_1', 14.0, (1, 0))
+    assert (meeting.slack_s, meeting.plan_status) == (20.0, 'ok')
+    assert meeting.path == ((1, 0), (0, 0), (0, 1))
+    assert third.meetings[0].path == ()
+    assert third.meetings[0].slack_s is None
+
+
+def test_json_has_the_promised_keys() -> None:
+    content = json.loads(summary_of(MISSION).to_json())
+    promised = (
+        'schema_version scenario planner seed explored_s delivered_s mission_s cells_total'
+        ' cells_explored moves_total revisits sorties sortie_limit_violations neglect_s'
+        ' neglect_fraction samples_collected samples_delivered lower_bound_s radio wall_s'
+        ' real_time_factor'
+    )
+    assert set(promised.split()) <= set(content)
+    sortie = content['sorties'][0]
+    assert {
+        *('index', 'departed_s', 'returned_s', 'duration_s', 'worst_case_s', 'predicted_s'),
+        *('limit_s', 'meetings'),
+    } <= set(sortie)
+    assert {'auv', 'time_s', 'cell', 'slack_s', 'path'} <= set(sortie['meetings'][0])
+    assert sortie['meetings'][0]['path'] == [[1, 0], [0, 0], [0, 1]]
+    assert content['wall_s'] is None
+    assert content['radio'] is None
+
+
+def test_mission_that_starts_late_on_the_clock_has_the_same_figures() -> None:
+    # At sea, ROS time counts from 1970; an AUV may log before C3 does.
+    shifted = [(stamp_s + 1.75e9, source, event) for stamp_s, source, event in MISSION]
+    assert summary_of(shifted) == summary_of(MISSION)
+
+
+def test_sortie_still_being_flown_counts_once_it_is_over_the_limit() -> None:
+    in_time = [each for each in MISSION if each[0] < 91.0]
+    late = [*in_time, (90.5, 'auv_1', MessageRefused(sender='x', reason='y', detail='z'))]
+    assert summary_of(in_time).sortie_limit_violations == 0
+    assert summary_of(late).sortie_limit_violations == 1
+    assert summary_of(late).sorties[2].duration_s is None
+    assert summary_of(late).sorties[2].returned_s is None
+
+
+def test_mission_that_broke_off_has_nulls_and_a_reason() -> None:
+    stopped = (40.0, 'world', MissionStopped(reason='node died', node='auv_1'))
+    summary = summary_of([*[each for each in MISSION if each[0] < 40.0], stopped])
+    assert not summary.complete
+    assert summary.stopped == 'node died (auv_1)'
+    assert summary.explored_s is None
+    assert summary.delivered_s is None
+    assert summary.mission_s is None
+    assert summary.neglect_fraction is None
+    assert summary.neglect_s == {'auv_1': 9.0}
+    assert (summary.cells_explored, summary.moves_total, summary.revisits) == (3, 3, 1)
+    assert (summary.samples_collected, summary.samples_delivered) == (4, 2)
+
+
+def test_neglect_of_an_auv_that_is_never_met_counts_to_the_end() -> None:
+    events = [each for each in MISSION if each[0] <= 12.0]
+    assert summary_of(events).neglect_s == {'auv_1': 2.0}
+
+
+def test_delivery_is_not_complete_while_a_sample_is_missing() -> None:
+    lost = [each for each in MISSION if not isinstance(each[2], SamplesDelivered)]
+    lost.append((97.0, 'c3', SamplesDelivered(sortie=3, samples=5, cells_delivered=4)))
+    summary = summary_of(lost)
+    assert summary.delivered_s is None
+    assert summary.samples_lost == 1
+
+
+def test_nothing_recorded_gives_a_summary_of_nulls() -> None:
+    summary = summary_of([])
+    assert summary.scenario is None
+    assert summary.cells_total is None
+    assert summary.samples_lost is None
+    assert json.loads(summary.to_json())['sorties'] == []
+
+
+@settings(deadline=None)
+@given(st.randoms(use_true_random=False), st.integers(0, len(MISSION)))
+def test_order_of_arrival_does_not_matter(shuffler: random.Random, end: int) -> None:
+    events = MISSION[:end]
+    shuffled = list(events)
+    shuffler.shuffle(shuffled)
+    assert summary_of(shuffled) == summary_of(events)
+
+
+# --- pass conditions -----------------------------------------------------------------------------
+
+
+def with_conditions(**conditions: Limits) -> Scenario:
+    return msgspec.structs.replace(tiny(), pass_conditions=PassConditions(**conditions))
+
+
+def test_met_conditions_say_nothing() -> None:
+    scenario = with_conditions(
+        explored_s=Limits(min=49.0, max=49.0), sortie_limit_violations=Limits(max=1)
+    )
+    assert failed_conditions(summary_of(MISSION), scenario) == []
+
+
+def test_failed_conditions_are_told_with_figure_and_limit() -> None:
+    scenario = with_conditions(
+        explored_s=Limits(min=50.0, max=60.0),
+        neglect_fraction=Limits(max=0.1),
+        sortie_limit_violations=Limits(max=0),
+    )
+    assert failed_conditions(summary_of(MISSION), scenario) == [
+        'explored_s is 49, less than allowed: at least 50',
+        'neglect_fraction is 0.183673, more than allowed: at most 0.1',
+        'sortie_limit_violations is 1, more than allowed: at most 0',
+    ]
+
+
+def test_null_figures_never_pass() -> None:
+    scenario = with_conditions(explored_s=Limits(max=60.0), delivered_s=Limits(min=1.0, max=2.0))
+    assert failed_conditions(summary_of([]), scenario) == [
+        'explored_s has no value, it must be at most 60',
+        'delivered_s has no value, it must be at least 1 and at most 2',
+        'samples_lost has no value, it must be at most 0',
+    ]
+    unconditional = with_conditions(samples_lost=Limits())
+    assert failed_conditions(summary_of([]), unconditional) == []
+
+
+# --- lower bound ---------------------------------------------------------------------------------
+
+
+def test_lower_bound_of_the_reference_mission() -> None:
+    assert lower_bound_s(load_scenario('ecc2009')) == 330.0  # 33 cells for the busiest AUV
+
+
+@settings(deadline=None)
+@given(
+    cols=st.integers(2, 9),
+    rows=st.integers(1, 9),
+    cell_m=st.sampled_from([0.3, 1.0, 10.0]),
+    speeds_mps=st.lists(st.sampled_from([0.1, 0.5, 1.0, 1.5, 2.7]), min_size=1, max_size=5),
+)
+def test_lower_bound_is_the_first_time_at_which_the_cells_add_up(
+    cols: int, rows: int, cell_m: float, speeds_mps: list[float]
+) -> None:
+    content = json.loads(scenario_json(load_scenario('minimal')))
+    content['region'] = {'cols': cols, 'rows': rows, 'cell_m': cell_m}
+    content['auvs'] = [
+        {'name': f'auv_{number}', 'speed_mps': speed, 'initial_path': [[0, 0], [1, 0]]}
+        for number, speed in enumerate(speeds_mps)
+    ]
+    scenario = msgspec.json.decode(json.dumps(content), type=Scenario)
+    cells = cols * rows - 1
+    times_s = sorted(
+        count * cell_m / speed for speed in speeds_mps for count in range(1, cells + 1)
+    )
+    first_s = next(
+        time_s
+        for time_s in times_s
+        if sum(math.floor(time_s * v / cell_m * (1 + 1e-9)) for v in speeds_mps) >= cells
+    )
+    assert lower_bound_s(scenario) == pytest.approx(first_s)
+
+
+# --- whole missions ------------------------------------------------------------------------------
+
+
+@functools.cache
+def flown(name: str, probability: float, seed: int) -> list[tuple[str, float, RosMessage]]:
+    """Fly a mission in which AUVs surface early on some legs; return all its messages."""
+    content = json.loads(scenario_json(load_scenario(name)))
+    content['seed'] = seed
+    for auv in content['auvs']:
+        auv['surfacing'] = {'model': 'early', 'probability': probability}
+    records: list[tuple[str, float, RosMessage]] = []
+
+    def sink(node: str, frame: Frame) -> None:
+        records.append((frame.topic.resolve(f'/{node}'), 0.0, frame.message))
+
+    fly(parse_scenario(json.dumps(content)), sink)
+    return records
+
+
+MISSIONS = [('ecc2009', 0.0, 0), ('ecc2009', 0.3, 1), ('ecc2009', 0.5, 2), ('minimal', 0.5, 3)]
+
+
+def odometry(records: list[tuple[str, float, RosMessage]], vehicle: str) -> list[Odometry]:
+    return [
+        message
+        for topic, _, message in records
+        if topic == f'/{vehicle}/odom' and isinstance(message, Odometry)
+    ]
+
+
+def dives_s(records: list[tuple[str, float, RosMessage]], vehicle: str) -> list[float]:
+    """Return when a vehicle was given its paths."""
+    return [
+        message.stamp_s
+        for topic, _, message in records
+        if topic == f'/{vehicle}/path' and isinstance(message, TrackPath)
+    ]
+
+
+def cell_entries(track: list[Odometry], cell_m: float) -> Iterator[tuple[float, Cell]]:
+    """Yield time and cell whenever a vehicle comes to the centre of another cell."""
+    last: Cell | None = None
+    for state in track:
+        col, row = (x / cell_m - 0.5 for x in (state.position.east_m, state.position.north_m))
+        cell = (round(col), round(row))
+        if cell != last and abs(col - cell[0]) < 1e-6 and abs(row - cell[1]) < 1e-6:
+            last = cell
+            yield state.stamp_s, cell
+
+
+def runs(flags: list[tuple[float, bool]]) -> Iterator[tuple[float, float]]:
+    """Yield first and last time of every run of true values."""
+    for is_true, run in itertools.groupby(flags, key=lambda each: each[1]):
+        times_s = [time_s for time_s, _ in run]
+        if is_true:
+            yield times_s[0], times_s[-1]
+
+
+@pytest.mark.parametrize(('name', 'probability', 'seed'), MISSIONS)
+def test_odometry_alone_shows_the_same_mission(name: str, probability: float, seed: int) -> None:
+    records = flown(name, probability, seed)
+    summary = summarize(records)
+    scenario = load_scenario(name)
+    tracks = {auv.name: odometry(records, auv.name) for auv in scenario.auvs}
+
+    entries = [list(cell_entries(track, scenario.region.cell_m)) for track in tracks.values()]
+    first_s: dict[Cell, float] = {}
+    for time_s, cell in sorted(entry for each in entries for entry in each):
+        first_s.setdefault(cell, time_s)
+    assert len(first_s) == scenario.region.cells_total
+    explored_s = max(first_s.values())
+    assert summary.explored_s == explored_s
+    moves = [entry for each in entries for entry in each[1:] if entry[0] <= explored_s]
+    assert summary.moves_total == len(moves)
+    assert summary.revisits == len(moves) - (len(first_s) - len(scenario.auvs))
+
+    for auv, track in tracks.items():
+        up = [(state.stamp_s, state.z_m == 0.0) for state in track]
+        assert all(state.z_m == 0.0 or state.z_m <= -1.0 for state in track)
+        # Met at the last tick at the surface: under way from the next one on.
+        waits_s = [min(last_s, explored_s) - begin_s for begin_s, last_s in runs(up)]
+        # One that comes up again where it dived is under water for less than a tick; that tick is
+        # no wait, but only its new path shows it.
+        dives = sum(
+            begin_s <= dived_s < min(last_s, explored_s)
+            for begin_s, last_s in runs(up)
+            for dived_s in dives_s(records, auv)
+        )
+        waited_s = sum(max(0.0, wait_s) for wait_s in waits_s) - dives * scenario.tick_s
+        assert summary.neglect_s[auv] == waited_s
+
+    tick_s = scenario.tick_s
+    uav = [(state.stamp_s, state.position != scenario.c3) for state in odometry(records, 'uav')]
+    flights = [(begin_s - tick_s, end_s + tick_s) for begin_s, end_s in runs(uav)]
+    sorties = [(each.departed_s, each.returned_s or 0.0) for each in summary.sorties]
+    # An AUV within reach of C3 may be met without leaving it.
+    at_c3 = [sortie for sortie in sorties if sortie not in flights]
+    assert [sortie for sortie in sorties if sortie in flights] == flights
+    for departed_s, returned_s in at_c3:
+        assert not any(is_away for time_s, is_away in uav if departed_s <= time_s <= returned_s)
+    assert [each.duration_s for each in summary.sorties] == [end - begin for begin, end in sorties]
+    over = [end_s - begin_s > scenario.sortie.limit_s for begin_s, end_s in flights]
+    assert summary.sortie_limit_violations == sum(over)
+
+
+@pytest.mark.parametrize(('name', 'probability', 'seed'), MISSIONS)
+def test_no_mission_beats_the_lower_bound_and_nothing_is_lost(
+    name: str, probability: float, seed: int
+) -> None:
+    summary = summarize(flown(name, probability, seed))
+    assert summary.complete
+    assert summary.explored_s is not None
+    assert summary.lower_bound_s is not None
+    assert summary.delivered_s is not None
+    assert summary.lower_bound_s <= summary.explored_s <= summary.delivered_s
+    assert summary.samples_lost == 0
+    assert summary.delivered_s == summary.mission_s
+
+
+def test_reference_mission_shows_what_the_paper_does() -> None:
+    summary = summarize(flown('ecc2009', 0.0, 0))
+    assert failed_conditions(summary, load_scenario('ecc2009')) == []
+    times_s = [meeting.time_s for meeting in summary.sorties[0].meetings]
+    assert [*times_s, summary.sorties[0].returned_s] == [14.0, 20.0, 33.0, 44.0]
+    assert summary.radio is not None
+    assert summary.radio.delivered > 0
+
+
+@settings(deadline=None, max_examples=25)
+@given(data=st.data())
+def test_every_beginning_of_a_mission_has_a_summary(data: st.DataObject) -> None:
+    records = flown('minimal', 0.5, 3)
+    end = data.draw(st.integers(0, len(records)))
+    summary = summarize(records[:end])
+    whole = summarize(records)
+    assert summary.samples_delivered <= summary.samples_collected <= whole.samples_collected
+    assert summary.cells_explored <= whole.cells_explored
+    assert summary.explored_s in (None, whole.explored_s)
+    assert summary.mission_s in (None, whole.mission_s)
+    assert summary.sorties[:-1] == whole.sorties[: max(0, len(summary.sorties) - 1)]
+    assert json.loads(summary.to_json())['schema_version'] == 1
+
+
+def test_events_and_messages_give_the_same_summary() -> None:
+    records = flown('minimal', 0.5, 3)
+    summarizer = Summarizer()
+    for topic, _, message in records:
+        if topic == '/mission_events' and isinstance(message, Text):
+            envelope, body = codec.decode(message.data)
+            assert isinstance(body, Event)
+            summarizer.event(envelope.src, envelope.stamp, body)
+    from_events = summarizer.summary()
+    assert from_events.radio is None
+    assert msgspec.structs.replace(from_events, radio=summarize(records).radio) == summarize(
+        records
+    )
+
+
+def test_payload_that_is_no_event_is_counted_and_changes_nothing() -> None:
+    records = flown('minimal', 0.5, 3)
+    broken: list[tuple[str, float, RosMessage]] = [
+        ('/mission_events', 0.0, Text(b'{"schema": "MissionEvent"}')),
+        ('/world/radio_status', 0.0, Text(b'\xff')),
+        ('/auv_1/radio/tx', 0.0, Text(b'not looked at')),
+    ]
+    summary = summarize([*broken, *records])
+    assert summary.unreadable == 2
+    assert msgspec.structs.replace(summary, unreadable=0) == summarize(records)
+
+
+def test_radio_counters_are_the_last_that_were_shown() -> None:
+    def status(delivered: int) -> tuple[str, float, RosMessage]:
+        body = RadioStatus(delivered=delivered, blocked={'range': 2 * delivered})
+        data = codec.encode(body, src='world', dst='*', seq=delivered, stamp_s=0.0)
+        return ('/world/radio_status', 0.0, Text(data))
+
+    radio = summarize([status(1), status(5)]).radio
+    assert radio is not None
+    assert (radio.delivered, radio.blocked) == (5, {'range': 10})
+
+
+def test_refusals_are_listed() -> None:
+    refused = MessageRefused(sender='uav', reason='malformed', detail='`$.seq`')
+    (refusal,) = summary_of([(3.0, 'auv_1', refused)]).refusals
+    assert (refusal.node, refusal.sender, refusal.reason) == ('auv_1', 'uav', 'malformed')
