@@ -183,14 +183,20 @@ def clock_from_cdr(cdr: bytes) -> float:
     Raises
     ------
     ValueError
-        The bytes are too short.
+        The bytes are too short, or of another encoding.
 
     """
+    _require_little_endian(cdr, 'rosgraph_msgs/msg/Clock')
     try:
         seconds, fraction = struct.unpack_from('<iI', cdr, 4)
     except struct.error as error:
         raise ValueError(f'not a serialized rosgraph_msgs/msg/Clock: {error}') from None
     return float(seconds + fraction / NANOSECONDS)
+
+
+def _require_little_endian(cdr: bytes, ros_type: str) -> None:
+    if cdr[:2] != _LITTLE_ENDIAN[:2]:  # the other two bytes are options, such as padding
+        raise ValueError(f'not a serialized {ros_type} in little-endian CDR')
 
 
 @cache
@@ -248,9 +254,10 @@ def odometry_from_cdr(cdr: bytes) -> Odometry:
     Raises
     ------
     ValueError
-        The bytes are too short, or a number in them is not finite.
+        The bytes are too short or of another encoding, or a number in them is not finite.
 
     """
+    _require_little_endian(cdr, 'nav_msgs/msg/Odometry')
     try:
         seconds, fraction, frame_bytes = struct.unpack_from('<iII', cdr, 4)
         child_at = 4 + -(-(12 + frame_bytes) // 4) * 4

@@ -1,0 +1,179 @@
+from __future__ import annotations
+
+import math
+from fractions import Fraction
+
+import hypothesis.strategies as st
+import pytest
+from hypothesis import given
+
+from msgs_json.geometry import (
+    TIME_TOLERANCE_S,
+    TOLERANCE,
+    Cell,
+    GridSpec,
+    Point,
+    is_before,
+    path_length_m,
+    path_problem,
+    surface_deadline_s,
+    whole_ticks,
+    within_range,
+)
+
+REGION = GridSpec(cols=4, rows=3, cell_m=10.0)
+
+coordinates_m = st.floats(-1e4, 1e4)
+points = st.builds(Point, east_m=coordinates_m, north_m=coordinates_m)
+regions = st.builds(
+    GridSpec, cols=st.integers(1, 1000), rows=st.integers(1, 1000), cell_m=st.floats(0.1, 1e4)
+)
+
+
+# --- points --------------------------------------------------------------------------------------
+
+
+def test_distance() -> None:
+    assert Point(east_m=1.0, north_m=-1.0).distance_m(Point(east_m=4.0, north_m=3.0)) == 5.0
+
+
+@given(points, points, st.floats(0, 1e5))
+def test_going_toward_a_point_moves_by_the_length_or_arrives_exactly(
+    start: Point, target: Point, length_m: float
+) -> None:
+    end = start.toward(target, length_m)
+    whole_m = start.distance_m(target)
+    if whole_m <= length_m:
+        assert end == target
+    else:
+        assert start.distance_m(end) == pytest.approx(length_m, rel=1e-6, abs=1e-6)
+        on_the_line_m = start.distance_m(end) + end.distance_m(target)
+        assert on_the_line_m == pytest.approx(whole_m, rel=1e-6, abs=1e-6)
+
+
+def test_arrival_forgives_rounding() -> None:
+    target = Point(east_m=0.3, north_m=0.0)
+    here = Point(east_m=0.0, north_m=0.0)
+    assert here.toward(target, 0.1 + 0.1 + 0.1 - 1e-16) is target
+    assert here.toward(target, 0.3 * (1 - 10 * TOLERANCE)) != target
+
+
+def test_length_of_a_polyline() -> None:
+    track = [REGION.centre(cell) for cell in ((0, 0), (1, 0), (1, 1), (1, 0))]
+    assert path_length_m(track) == 30.0
+    assert path_length_m(track[:1]) == path_length_m([]) == 0.0
+
+
+# --- cells ---------------------------------------------------------------------------------------
+
+
+def test_cells_count_from_the_south_west() -> None:
+    assert REGION.centre((0, 0)) == Point(east_m=5.0, north_m=5.0)
+    assert REGION.centre((3, 0)) == Point(east_m=35.0, north_m=5.0)
+    assert REGION.index((3, 1)) == (1, 3)
+    assert REGION.cells_total == 12
+
+
+@pytest.mark.parametrize(
+    ('cell', 'inside'),
+    [((0, 0), True), ((3, 2), True), ((4, 0), False), ((0, 3), False), ((-1, 0), False)],
+)
+def test_region_contains_its_cells_only(cell: Cell, inside: bool) -> None:
+    assert REGION.contains(cell) is inside
+
+
+@given(regions, st.data())
+def test_the_centre_of_a_cell_lies_in_it(region: GridSpec, data: st.DataObject) -> None:
+    cell = (
+        data.draw(st.integers(0, region.cols - 1)),
+        data.draw(st.integers(0, region.rows - 1)),
+    )
+    assert region.cell_at(region.centre(cell)) == cell
+
+
+@given(regions, points)
+def test_a_point_outside_gets_the_nearest_cell(region: GridSpec, point: Point) -> None:
+    cell = region.cell_at(point)
+    assert region.contains(cell)
+    extent_m = (region.cols * region.cell_m, region.rows * region.cell_m)
+    nearest = Point(
+        east_m=min(max(point.east_m, 0.0), extent_m[0]),
+        north_m=min(max(point.north_m, 0.0), extent_m[1]),
+    )
+    centre = region.centre(cell)
+    half_m = region.cell_m / 2 * (1 + 1e-6)
+    assert abs(nearest.east_m - centre.east_m) <= half_m
+    assert abs(nearest.north_m - centre.north_m) <= half_m
+
+
+@pytest.mark.parametrize(
+    ('path', 'problem'),
+    [
+        ([(0, 0), (1, 0), (1, 1), (0, 1), (0, 0)], None),
+        ([(0, 0), (1, 1)], 'from [0, 0] to [1, 1]'),
+        ([(0, 0), (2, 0)], 'from [0, 0] to [2, 0]'),
+        ([(1, 1), (1, 1)], 'from [1, 1] to [1, 1]'),
+        ([(3, 2), (4, 2)], 'cell [4, 2] lies outside the region of 4 x 3 cells'),
+        ([], None),
+    ],
+)
+def test_path_problem(path: list[Cell], problem: str | None) -> None:
+    found = path_problem(path, REGION)
+    assert found == problem if problem is None else problem in str(found)
+
+
+def test_without_a_region_a_path_may_lie_anywhere() -> None:
+    assert path_problem([(800, 7), (801, 7)]) is None
+
+
+# --- ticks ---------------------------------------------------------------------------------------
+
+
+@given(st.integers(0, 10**6), st.floats(0.001, 1000), st.integers(1, 1000))
+def test_a_whole_number_of_ticks_stays_one_however_it_was_computed(
+    ticks: int, tick_s: float, parts: int
+) -> None:
+    assert whole_ticks((ticks * tick_s) / tick_s) == ticks
+    assert whole_ticks(sum([ticks / parts] * parts)) == ticks  # adding up rounds each time
+
+
+@given(st.fractions(0, 10**6, max_denominator=10**6))
+def test_other_numbers_of_ticks_are_rounded_up(ticks: Fraction) -> None:
+    assert whole_ticks(float(ticks)) == math.ceil(ticks) or ticks - math.floor(ticks) < 1e-3
+
+
+def test_what_is_clearly_more_than_whole_takes_one_more() -> None:
+    assert whole_ticks(14.0 + 1e-6) == 15
+    assert whole_ticks(14.0 + 1e-9) == 14
+    assert whole_ticks(1e-10) == 0
+    assert whole_ticks(-3.5) == -3
+
+
+@pytest.mark.parametrize(
+    ('distance_m', 'inside'), [(20.0, True), (20.0 + 1e-9, True), (20.001, False)]
+)
+def test_the_edge_of_the_disc_belongs_to_it(distance_m: float, inside: bool) -> None:
+    assert within_range(distance_m, 20.0) is inside
+
+
+def test_times_as_good_as_equal_are_not_before_each_other() -> None:
+    assert is_before(1.0, 1.1)
+    assert not is_before(1.1, 1.0)
+    assert not is_before(1.0, 1.0 + TIME_TOLERANCE_S / 2)
+    now_s = 1.8e9  # ROS time of a sea trial, where a float's step is 2e-7 s
+    assert not is_before(now_s, now_s + 2.4e-7)
+    assert is_before(now_s, now_s + 0.001)
+
+
+@pytest.mark.parametrize(
+    ('way_m', 'margin_s', 'tick_s', 'deadline_s'),
+    [
+        (60.0, 0.0, 1.0, 160.0),
+        (60.5, 0.0, 1.0, 161.0),  # rounded up to a tick
+        (60.0, 2.5, 1.0, 163.0),
+        (60.0, 0.0, 0.1, 160.0),  # 600 ticks, although 60 / 0.1 is not exact
+        (0.0, 0.0, 1.0, 100.0),
+    ],
+)
+def test_surface_deadline(way_m: float, margin_s: float, tick_s: float, deadline_s: float) -> None:
+    assert surface_deadline_s(100.0, way_m, 1.0, margin_s, tick_s) == pytest.approx(deadline_s)
