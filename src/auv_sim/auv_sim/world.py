@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 from auv_sim.radio_channel import ChannelModel, RadioChannel, StationKind
 from msgs_json.agent_shell import Frame, Speaker
-from msgs_json.geometry import Point
+from msgs_json.geometry import Point, is_before
 from msgs_json.messages import MissionStopped, RadioStatus
 from msgs_json.ros_messages import ClockTime, Odometry
 from msgs_json.topics import CLOCK, MISSION_EVENTS, RADIO_STATUS
@@ -56,7 +56,7 @@ class World:
     @property
     def time_is_up(self) -> bool:
         """Return whether the next tick would lie beyond the hard stop."""
-        return (self.tick + 1) * self._spec.tick_s > self._spec.max_mission_s
+        return is_before(self._spec.max_mission_s, (self.tick + 1) * self._spec.tick_s)
 
     def clock(self) -> Frame:
         """Return the clock of this tick."""

@@ -1,0 +1,190 @@
+from __future__ import annotations
+
+import itertools
+from collections import Counter
+
+import hypothesis.strategies as st
+import pytest
+from hypothesis import given
+
+from auv_sim.radio_channel import ChannelModel, RadioChannel, StationKind
+from msgs_json import codec
+from msgs_json.geometry import Point
+from msgs_json.messages import Acknowledged, Acknowledgement, BlockReason
+
+STATIONS = {
+    'c3': StationKind.C3,
+    'uav': StationKind.UAV,
+    'auv_1': StationKind.AUV,
+    'auv_2': StationKind.AUV,
+}
+HERE = Point(east_m=100.0, north_m=100.0)
+NOTHING_BLOCKED = dict.fromkeys([reason.value for reason in BlockReason], 0)
+
+
+class Bench:
+    """A channel with all stations at the surface of the same place."""
+
+    def __init__(self, range_m: float = 20.0) -> None:
+        model = ChannelModel(range_m=range_m, max_message_bytes=512)
+        self.channel = RadioChannel(model, STATIONS)
+        self.seq: Counter[str] = Counter()
+        for name in STATIONS:
+            self.channel.locate(name, HERE, 0.0)
+
+    def payload(self, src: str, dst: str) -> bytes:
+        """Return what a station says next."""
+        body = Acknowledgement(acknowledges=Acknowledged.MISSION_ORDER, reference=0)
+        seq = self.seq[src]
+        self.seq[src] += 1
+        return codec.encode(body, src=src, dst=dst, seq=seq, stamp_s=0.0)
+
+    def say(self, speaker: str, payload: bytes) -> BlockReason | None:
+        """Return why a message is blocked, None if it is delivered; check the counters."""
+        before = self.channel.status()
+        heard = self.channel.deliveries([(speaker, payload)])
+        after = self.channel.status()
+        blocked = [
+            BlockReason(reason)
+            for reason, count in after.blocked.items()
+            if count != before.blocked[reason]
+        ]
+        assert after.delivered - before.delivered == len(heard)
+        assert len(heard) + len(blocked) == 1
+        return blocked[0] if blocked else None
+
+
+def test_the_receiver_gets_the_very_bytes() -> None:
+    bench = Bench()
+    payload = bench.payload('auv_1', 'uav')
+    assert bench.channel.deliveries([('auv_1', payload)]) == [('uav', payload)]
+    assert bench.channel.status().delivered == 1
+    assert bench.channel.status().blocked == NOTHING_BLOCKED
+
+
+@pytest.mark.parametrize(('src', 'dst'), list(itertools.product(STATIONS, repeat=2)))
+def test_only_the_uav_is_linked_with_the_others(src: str, dst: str) -> None:
+    bench = Bench()
+    linked = src != dst and 'uav' in (src, dst)
+    expected = None if linked else BlockReason.UNKNOWN_SENDER
+    assert bench.say(src, bench.payload(src, dst)) is expected
+
+
+@pytest.mark.parametrize('dst', ['auv_9', '*', 'world'])
+def test_nobody_else_is_reached(dst: str) -> None:
+    bench = Bench()
+    assert bench.say('uav', bench.payload('uav', dst)) is BlockReason.UNKNOWN_SENDER
+
+
+@given(st.floats(0, 100), st.floats(0, 100), st.floats(1, 100))
+def test_range_is_a_disc_around_either(east_m: float, north_m: float, range_m: float) -> None:
+    bench = Bench(range_m)
+    there = Point(east_m=HERE.east_m + east_m, north_m=HERE.north_m + north_m)
+    bench.channel.locate('auv_1', there, 0.0)
+    distance_m = HERE.distance_m(there)
+    expected = None if distance_m <= range_m * (1 + 1e-9) else BlockReason.RANGE
+    assert bench.say('auv_1', bench.payload('auv_1', 'uav')) is expected
+    assert bench.say('uav', bench.payload('uav', 'auv_1')) is expected
+
+
+def test_height_does_not_count_but_water_does() -> None:
+    bench = Bench()
+    bench.channel.locate('uav', HERE, 10_000.0)
+    assert bench.say('auv_1', bench.payload('auv_1', 'uav')) is None
+    bench.channel.locate('auv_1', HERE, -0.01)
+    assert bench.say('auv_1', bench.payload('auv_1', 'uav')) is BlockReason.SUBMERGED
+    assert bench.say('uav', bench.payload('uav', 'auv_1')) is BlockReason.SUBMERGED
+
+
+def test_a_station_that_was_never_seen_is_out_of_range() -> None:
+    bench = Bench()
+    bench.channel = RadioChannel(ChannelModel(range_m=20.0, max_message_bytes=512), STATIONS)
+    assert bench.say('auv_1', bench.payload('auv_1', 'uav')) is BlockReason.RANGE
+
+
+@pytest.mark.parametrize(('length', 'expected'), [(512, None), (513, BlockReason.SIZE)])
+def test_size_limit(length: int, expected: BlockReason | None) -> None:
+    bench = Bench()
+    payload = bench.payload('uav', 'c3')
+    assert bench.say('uav', payload + b' ' * (length - len(payload))) is expected
+
+
+def test_after_a_message_that_was_too_long_the_next_gets_through() -> None:
+    bench = Bench()
+    bench.say('uav', bench.payload('uav', 'c3') + b' ' * 1000)
+    assert bench.say('uav', bench.payload('uav', 'c3')) is None
+
+
+@pytest.mark.parametrize(
+    ('payload', 'expected'),
+    [
+        (b'', BlockReason.MALFORMED),
+        (b'{}', BlockReason.MALFORMED),
+        (b'\xff\xfe', BlockReason.MALFORMED),
+        (b'[' * 300, BlockReason.MALFORMED),
+        (b'[' * 1_000_000, BlockReason.SIZE),
+    ],
+)
+def test_what_is_no_envelope_is_malformed(payload: bytes, expected: BlockReason) -> None:
+    bench = Bench()
+    assert bench.say('auv_1', payload) is expected
+    assert bench.say('auv_1', bench.payload('auv_1', 'uav')) is None
+
+
+def test_a_body_is_its_receivers_business() -> None:
+    bench = Bench()
+    payload = bench.payload('auv_1', 'uav').replace(b'MissionOrder', b'Nonsense')
+    assert bench.say('auv_1', payload) is None
+
+
+def test_who_speaks_in_another_name_is_unknown() -> None:
+    bench = Bench()
+    for name in ('auv_2', 'uav', 'c3', 'auv_9'):
+        payload = bench.payload(name, 'uav' if name != 'uav' else 'auv_1')
+        assert bench.say('auv_1', payload) is BlockReason.UNKNOWN_SENDER
+    assert bench.say('auv_1', bench.payload('auv_1', 'uav')) is None
+
+
+def test_what_was_said_before_is_a_replay_wherever_its_speaker_is_now() -> None:
+    bench = Bench()
+    first, second = bench.payload('auv_1', 'uav'), bench.payload('auv_1', 'uav')
+    assert [bench.say('auv_1', each) for each in (first, first, second, first, second)] == [
+        *(None, BlockReason.REPLAY, None, BlockReason.REPLAY, BlockReason.REPLAY)
+    ]
+
+
+def test_what_was_blocked_cannot_be_replayed_either() -> None:
+    bench = Bench()
+    bench.channel.locate('auv_1', HERE, -5.0)
+    payload = bench.payload('auv_1', 'uav')
+    assert bench.say('auv_1', payload) is BlockReason.SUBMERGED
+    bench.channel.locate('auv_1', HERE, 0.0)
+    assert bench.say('auv_1', payload) is BlockReason.REPLAY
+
+
+def test_numbers_from_the_future_are_not_the_stations_own() -> None:
+    # Else one forged message with a high number would turn all true ones into replays.
+    bench = Bench()
+    true, forged = bench.payload('auv_1', 'uav'), bench.payload('auv_1', 'uav')
+    assert bench.say('auv_1', forged) is BlockReason.UNKNOWN_SENDER
+    assert bench.say('auv_1', true) is None
+
+
+def test_order_is_kept_and_every_message_counted_once() -> None:
+    bench = Bench()
+    bench.channel.locate('auv_2', HERE, -5.0)
+    said = [
+        ('c3', bench.payload('c3', 'uav')),
+        ('auv_2', bench.payload('auv_2', 'uav')),
+        ('uav', bench.payload('uav', 'auv_1')),
+        ('uav', b'?'),
+        ('uav', bench.payload('uav', 'c3')),
+    ]
+    assert bench.channel.deliveries(said) == [
+        ('uav', said[0][1]),
+        ('auv_1', said[2][1]),
+        ('c3', said[4][1]),
+    ]
+    status = bench.channel.status()
+    assert status.delivered == 3
+    assert status.blocked == NOTHING_BLOCKED | {'submerged': 1, 'malformed': 1}
