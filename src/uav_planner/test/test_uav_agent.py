@@ -1,0 +1,756 @@
+from __future__ import annotations
+
+import hypothesis.strategies as st
+import msgspec
+import pytest
+from hypothesis import given, settings
+
+from msgs_json.agent import Log, Output, Publish, Refuse, Transmit
+from msgs_json.codec import Refusal
+from msgs_json.drivers import NoPorts, UavDriverSetup
+from msgs_json.geometry import Cell, GridSpec, Point
+from msgs_json.messages import (
+    Acknowledged,
+    Acknowledgement,
+    AuvOrder,
+    Event,
+    Leg,
+    LegOutcome,
+    Message,
+    Met,
+    Missed,
+    MissionOrder,
+    PathAssignment,
+    RecoveryOrder,
+    RecoveryReason,
+    RelayedSample,
+    Sample,
+    SortieDeparted,
+    SortieReport,
+    SortieReturned,
+    SurfacingReport,
+)
+from msgs_json.ros_messages import Odometry, TrackPath
+from msgs_json.topics import ODOM, ROUTE
+from uav_planner.drivers.kinematic import make_driver
+from uav_planner.planning import (
+    MissionSpec,
+    Planner,
+    PlanRequest,
+    PlanResult,
+    PlanStatus,
+    SortiePlan,
+    SurveyLeg,
+)
+from uav_planner.sortie import (
+    flight_time_s,
+    lay_route,
+    punctual_departure_s,
+    worst_case_s,
+)
+from uav_planner.uav_agent import HAND_OVER_TICKS, UavAgent, UavSetup
+
+# Two AUVs on a strip of 6 x 2 cells; C3 lies in its south-west corner. The UAV flies 5 m a tick
+# and hears 5 m far, so it is at most 5 m from the centre of a cell that it clears.
+REGION = GridSpec(cols=6, rows=2, cell_m=10.0)
+C3 = Point(east_m=0.0, north_m=0.0)
+PATHS: dict[str, tuple[Cell, ...]] = {'auv_1': ((1, 0), (2, 0)), 'auv_2': ((4, 0), (5, 0))}
+
+
+class OneStep:
+    """Plans sorties as ECC 2009 does; every path is one cell to the east, or to the west."""
+
+    def __init__(self, *, meets_out_of_turn: bool = False) -> None:
+        self.meets_out_of_turn = meets_out_of_turn
+        self.requests: list[PlanRequest] = []
+
+    def plan_path(self, request: PlanRequest) -> PlanResult:
+        self.requests.append(request)
+        col, row = request.cell
+        path = (request.cell, (col + 1 if col + 1 < REGION.cols else col - 1, row))
+        return PlanResult(status=PlanStatus.OK, path=path, slack_s=7.0, sortie_time_s=9.0)
+
+    def plan_sortie(
+        self, mission: MissionSpec, legs: tuple[SurveyLeg, ...], now_s: float
+    ) -> SortiePlan:
+        route = lay_route(mission, legs)
+        depart_s = punctual_departure_s(mission, route, now_s)
+        return SortiePlan(
+            route=route,
+            depart_s=depart_s,
+            predicted_s=flight_time_s(mission, route),
+            worst_case_s=worst_case_s(mission, route, depart_s),
+        )
+
+
+class Bench:
+    """A UAV in the air, driven second by second."""
+
+    def __init__(self, planner: Planner | None = None) -> None:
+        self.planner = planner or OneStep()
+        setup = UavSetup(c3='c3', speed_mps=5.0, altitude_m=30.0, tick_s=1.0, arrival_radius_m=0.0)
+        driver = make_driver(
+            UavDriverSetup(name='uav', home=C3, speed_mps=5.0, altitude_m=30.0), NoPorts()
+        )
+        self.agent = UavAgent('uav', setup, self.planner, driver)
+        self.now_s = -1.0
+
+    def tick(self, seconds: int = 1) -> list[Output]:
+        """Let time pass; return all that came of it."""
+        output: list[Output] = []
+        for _ in range(seconds):
+            self.now_s += 1.0
+            output += self.agent.tick(self.now_s)
+        return output
+
+    def until(self, kind: type[Event], *, at_most_s: int = 200) -> list[Output]:
+        """Let time pass until something happens; return all that came of it."""
+        output: list[Output] = []
+        for _ in range(at_most_s):
+            output += self.tick()
+            if of(kind, events(output)):
+                return output
+        raise AssertionError(f'no {kind.__name__} within {at_most_s} s')
+
+    def hear(self, src: str, message: Message) -> list[Output]:
+        return self.agent.receive(src, message, self.now_s)
+
+    def ordered(self) -> Bench:
+        self.tick()
+        self.hear('c3', order())
+        return self
+
+    def meet(self, auv: str, leg_id: int = 0, *, acknowledges: bool = True) -> list[Output]:
+        """Let an AUV report and, if it is to, acknowledge what it is told."""
+        output = self.hear(auv, report(auv, leg_id))
+        if acknowledges:
+            for body in said(output, auv):
+                match body:
+                    case PathAssignment(leg=leg):
+                        output += self.hear(auv, taken(Acknowledged.PATH_ASSIGNMENT, leg.leg_id))
+                    case RecoveryOrder():
+                        output += self.hear(auv, taken(Acknowledged.RECOVERY_ORDER, leg_id))
+        return output
+
+    def position(self) -> Point:
+        (odometry,) = (
+            each.message
+            for each in self.tick()
+            if isinstance(each, Publish) and isinstance(each.message, Odometry)
+        )
+        return odometry.position
+
+
+def order(**changes: object) -> MissionOrder:
+    base = MissionOrder(
+        mission_id='strip',
+        region=REGION,
+        c3=C3,
+        radio_range_m=5.0,
+        sortie_limit_s=100.0,
+        path_cells=1,
+        min_path_cells=1,
+        surface_margin_s=0.0,
+        auvs=tuple(auv_order(name, path) for name, path in PATHS.items()),
+    )
+    return msgspec.structs.replace(base, **changes)
+
+
+def auv_order(name: str, path: tuple[Cell, ...]) -> AuvOrder:
+    return AuvOrder(
+        name=name, speed_mps=1.0, leg=Leg(leg_id=0, path=path, surface_deadline_s=10.0)
+    )
+
+
+def cells_of(auv: str, leg_id: int) -> tuple[Cell, Cell]:
+    """Return the path of an AUV's leg as `OneStep` plans it: there, on, and back."""
+    path = PATHS[auv]
+    for _ in range(leg_id):
+        col, row = path[-1]
+        path = (path[-1], (col + 1 if col + 1 < REGION.cols else col - 1, row))
+    return path[0], path[1]
+
+
+def report(auv: str, leg_id: int = 0, **changes: object) -> SurfacingReport:
+    """Return an honest report of a leg that was completed."""
+    path = cells_of(auv, leg_id)
+    entered = path if leg_id == 0 else path[1:]
+    first = 0 if leg_id == 0 else leg_id + 1
+    base = SurfacingReport(
+        auv=auv,
+        leg_id=leg_id,
+        outcome=LegOutcome.COMPLETED,
+        moves_done=1,
+        cell=path[-1],
+        position=REGION.centre(path[-1]),
+        surfaced_s=10.0,
+        samples=tuple(
+            Sample(number=number, cell=cell, entered_s=0.0, value=1.0)
+            for number, cell in enumerate(entered, first)
+        ),
+    )
+    return msgspec.structs.replace(base, **changes)
+
+
+def taken(what: Acknowledged, reference: int) -> Acknowledgement:
+    return Acknowledgement(acknowledges=what, reference=reference)
+
+
+def said(output: list[Output], dst: str) -> list[Message]:
+    return [each.body for each in output if isinstance(each, Transmit) and each.dst == dst]
+
+
+def events(output: list[Output]) -> list[Event]:
+    return [each.event for each in output if isinstance(each, Log)]
+
+
+def of(kind: type[Event], some: list[Event]) -> list[Event]:
+    return [event for event in some if isinstance(event, kind)]
+
+
+def refused(output: list[Output]) -> tuple[str, Refusal]:
+    (refuse,) = output
+    assert isinstance(refuse, Refuse)
+    return refuse.sender, refuse.refusal
+
+
+def path_handed_over(output: list[Output], auv: str) -> Leg:
+    custody, assignment = said(output, auv)
+    assert custody == taken(Acknowledged.SURFACING_REPORT, custody.reference)  # type: ignore[attr-defined]
+    assert isinstance(assignment, PathAssignment)
+    assert assignment.auv == auv
+    return assignment.leg
+
+
+ORDER_TAKEN = Transmit('c3', taken(Acknowledged.MISSION_ORDER, 0))
+
+# --- the order -----------------------------------------------------------------------------------
+
+
+def test_without_an_order_it_stays_at_c3_and_shows_where_it_is() -> None:
+    bench = Bench()
+    for _ in range(3):
+        (shown,) = bench.tick()
+        assert isinstance(shown, Publish)
+        assert shown.topic is ODOM
+    assert bench.position() == C3
+    assert bench.agent.peers == {'c3'}
+
+
+def test_an_order_is_acknowledged_and_makes_its_auvs_known() -> None:
+    bench = Bench()
+    bench.tick()
+    assert bench.hear('c3', order()) == [ORDER_TAKEN]
+    assert bench.agent.peers == {'c3', 'auv_1', 'auv_2'}
+
+
+def test_a_repeated_order_is_acknowledged_and_nothing_else() -> None:
+    bench = Bench().ordered()
+    bench.until(SortieDeparted)
+    other = order(auvs=(auv_order('auv_7', PATHS['auv_1']),))
+    assert bench.hear('c3', other) == [ORDER_TAKEN]
+    assert bench.agent.peers == {'c3', 'auv_1', 'auv_2'}
+
+
+@pytest.mark.parametrize(
+    'changes',
+    [
+        {'auvs': (auv_order('auv_1', PATHS['auv_1']), auv_order('auv_1', PATHS['auv_2']))},
+        {'auvs': (auv_order('auv_1', ((5, 0), (6, 0))),)},
+        {'region': GridSpec(cols=1, rows=1, cell_m=10.0)},
+        {'min_path_cells': 2},
+    ],
+    ids=['same_name', 'path_out_of_the_region', 'tiny_region', 'min_over_max'],
+)
+def test_an_order_that_is_no_mission_is_refused_and_a_good_one_still_taken(
+    changes: dict[str, object],
+) -> None:
+    bench = Bench()
+    bench.tick()
+    assert refused(bench.hear('c3', order(**changes))) == ('c3', Refusal.CONTRADICTORY)
+    assert bench.agent.peers == {'c3'}
+    assert bench.hear('c3', order()) == [ORDER_TAKEN]
+
+
+def test_only_c3_gives_orders() -> None:
+    bench = Bench()
+    bench.tick()
+    assert refused(bench.hear('auv_1', order())) == ('auv_1', Refusal.UNEXPECTED)
+
+
+# --- departure -----------------------------------------------------------------------------------
+
+
+def test_it_leaves_so_as_to_be_there_when_the_first_auv_must_be_up() -> None:
+    bench = Bench().ordered()
+    route = lay_route(mission_spec(), survey_legs())
+    depart_s = punctual_departure_s(mission_spec(), route, 0.0)
+    assert depart_s > 0.0
+    positions = [bench.position() for _ in range(10)]  # from 1 s to 10 s
+    at_c3 = [position == C3 for position in positions]
+    assert at_c3 == [number <= depart_s for number in range(1, 11)]
+    assert positions[-1] == route[0].point
+
+
+def mission_spec() -> MissionSpec:
+    return MissionSpec(
+        grid=REGION,
+        c3=C3,
+        radio_range_m=5.0,
+        uav_speed_mps=5.0,
+        tick_s=1.0,
+        sortie_limit_s=100.0,
+        path_cells=1,
+        min_path_cells=1,
+    )
+
+
+def survey_legs() -> tuple[SurveyLeg, ...]:
+    return tuple(
+        SurveyLeg(auv=name, path=path, surface_deadline_s=10.0) for name, path in PATHS.items()
+    )
+
+
+def test_a_departure_is_logged_with_what_is_promised_and_the_route_is_shown() -> None:
+    bench = Bench().ordered()
+    output = bench.until(SortieDeparted)
+    (departed,) = (each for each in output if isinstance(each, Log))
+    route = lay_route(mission_spec(), survey_legs())
+    assert departed.event == SortieDeparted(
+        sortie=1,
+        limit_s=100.0,
+        predicted_s=flight_time_s(mission_spec(), route),
+        worst_case_s=worst_case_s(mission_spec(), route, departed.stamp_s),
+        order=('auv_1', 'auv_2'),
+    )
+    (track,) = (
+        each.message for each in output if isinstance(each, Publish) and each.topic is ROUTE
+    )
+    assert isinstance(track, TrackPath)
+    assert track.points == (C3, *(waypoint.point for waypoint in route), C3)
+
+
+def test_an_auv_heard_at_c3_is_met_there_and_the_sortie_begins() -> None:
+    bench = Bench().ordered()
+    output = bench.meet('auv_1')
+    assert [type(event) for event in events(output)] == [SortieDeparted, Met]
+    assert events(output)[0].worst_case_s > 0  # type: ignore[attr-defined]
+
+
+# --- a meeting -----------------------------------------------------------------------------------
+
+
+def test_an_auv_in_turn_gets_custody_confirmed_and_its_next_path() -> None:
+    bench = Bench().ordered()
+    bench.until(SortieDeparted)
+    bench.tick(3)
+    output = bench.meet('auv_1')
+    leg = path_handed_over(output, 'auv_1')
+    assert (leg.leg_id, leg.path) == (1, ((2, 0), (3, 0)))
+    assert leg.surface_deadline_s == bench.now_s + 10.0  # one cell at 1 m/s
+    assert events(output) == [
+        Met(
+            sortie=1,
+            auv='auv_1',
+            cell=(2, 0),
+            leg_id=0,
+            path=((2, 0), (3, 0)),
+            slack_s=7.0,
+            sortie_time_s=9.0,
+            plan_status='ok',
+        )
+    ]
+
+
+def test_the_deadline_counts_from_where_the_auv_really_lies() -> None:
+    bench = Bench().ordered()
+    off_the_centre = Point(east_m=25.0, north_m=8.0)
+    output = bench.hear('auv_1', report('auv_1', position=off_the_centre))
+    # 3 m back to the centre, 10 m on.
+    assert path_handed_over(output, 'auv_1').surface_deadline_s == bench.now_s + 13.0
+
+
+def test_the_planner_is_told_who_is_met_and_with_which_leg() -> None:
+    planner = OneStep()
+    bench = Bench(planner).ordered()
+    bench.meet('auv_1')
+    bench.meet('auv_2')
+    first, second = planner.requests
+    assert (first.auv, first.cell, first.met) == ('auv_1', (2, 0), frozenset())
+    assert (second.auv, second.met) == ('auv_2', {'auv_1'})
+    assert [leg.path for leg in second.legs] == [((2, 0), (3, 0)), PATHS['auv_2']]
+    assert second.values[0, 3] == 0.5  # what auv_1 was given is halved at once
+
+
+def test_cells_that_were_not_reached_are_worth_going_to_again() -> None:
+    planner = OneStep()
+    bench = Bench(planner).ordered()
+    early = report('auv_1', outcome=LegOutcome.EARLY, moves_done=0, cell=(1, 0), samples=())
+    bench.hear('auv_1', early)
+    assert planner.requests[0].cell == (1, 0)
+    # Not reached, and assigned again with the new path only after the planner has answered.
+    assert planner.requests[0].values[0, 2] == 0.5
+    assert planner.requests[0].values[0, 1] == 0.5
+
+
+def test_a_met_auv_is_not_met_again_in_the_same_sortie() -> None:
+    bench = Bench().ordered()
+    bench.meet('auv_1')
+    assert bench.hear('auv_1', report('auv_1')) == []  # a late copy
+    assert bench.hear('auv_1', report('auv_1', 1)) == []  # it was very quick
+
+
+def test_while_the_auv_has_not_answered_the_uav_stays_and_says_it_again() -> None:
+    bench = Bench().ordered()
+    bench.until(SortieDeparted)
+    bench.tick(3)
+    first = path_handed_over(bench.meet('auv_1', acknowledges=False), 'auv_1')
+    here = bench.position()
+    output = bench.hear('auv_1', report('auv_1'))
+    again = path_handed_over(output, 'auv_1')
+    assert events(output) == []
+    assert (again.leg_id, again.path) == (first.leg_id, first.path)
+    assert again.surface_deadline_s == first.surface_deadline_s + 1.0  # it starts later
+    assert bench.position() == here
+    bench.hear('auv_1', taken(Acknowledged.PATH_ASSIGNMENT, 1))
+    assert bench.position() != here
+
+
+def test_it_does_not_wait_for_ever_for_an_answer_that_was_lost() -> None:
+    bench = Bench().ordered()
+    bench.until(SortieDeparted)
+    bench.tick(3)
+    bench.meet('auv_1', acknowledges=False)  # it dives at once, and its answer is not heard
+    here = [bench.position() for _ in range(HAND_OVER_TICKS + 1)]
+    assert len(set(here[:HAND_OVER_TICKS])) == 1
+    assert here[-1] != here[0]
+
+
+def test_an_auv_whose_answer_was_lost_is_met_on_its_next_leg() -> None:
+    bench = Bench().ordered()
+    bench.meet('auv_1', acknowledges=False)
+    bench.until(SortieReturned)
+    output = bench.meet('auv_1', 1)
+    assert path_handed_over(output, 'auv_1').leg_id == 2
+
+
+def test_an_auv_that_never_got_its_path_gets_the_same_one_in_the_next_sortie() -> None:
+    planner = OneStep()
+    bench = Bench(planner).ordered()
+    first = path_handed_over(bench.meet('auv_1', acknowledges=False), 'auv_1')
+    bench.until(SortieReturned)
+    output = bench.meet('auv_1', 0)
+    again = path_handed_over(output, 'auv_1')
+    assert (again.leg_id, again.path) == (first.leg_id, first.path)
+    assert again.surface_deadline_s > first.surface_deadline_s
+    (met,) = of(Met, events(output))
+    assert (met.sortie, met.leg_id) == (2, 0)  # type: ignore[attr-defined]
+    assert len(planner.requests) == 1
+    # And its samples, which the UAV has since the first meeting, are not relayed twice.
+    (_, second) = reports_after(bench, acknowledges=True)
+    assert second.samples == ()
+    assert bench.meet('auv_1', 1, acknowledges=False) != []
+
+
+def reports_after(bench: Bench, *, acknowledges: bool) -> list[SortieReport]:
+    """Fly the present sortie to its end; return every report heard by a C3 that acknowledges."""
+    found: list[SortieReport] = []
+    output = bench.until(SortieReturned)
+    for _ in range(3):
+        for body in said(output, 'c3'):
+            if isinstance(body, SortieReport) and body not in found:
+                found.append(body)
+        if not found or not acknowledges:
+            break
+        output = bench.hear('c3', taken(Acknowledged.SORTIE_REPORT, found[-1].sortie))
+    return found
+
+
+def test_an_auv_that_speaks_of_its_next_leg_has_taken_it() -> None:
+    bench = Bench().ordered()
+    bench.meet('auv_1', acknowledges=False)
+    here = bench.position()
+    assert bench.hear('auv_1', report('auv_1', 1)) == []  # it came up again early
+    assert bench.position() != here
+
+
+def test_a_late_copy_of_an_older_report_is_not_answered() -> None:
+    bench = Bench().ordered()
+    bench.meet('auv_1')
+    bench.until(SortieReturned)
+    bench.meet('auv_1', 1, acknowledges=False)
+    assert bench.hear('auv_1', report('auv_1', 0)) == []
+    assert said(bench.hear('auv_1', report('auv_1', 1)), 'auv_1') != []
+
+
+@pytest.mark.parametrize(
+    ('what', 'reference'),
+    [
+        (Acknowledged.PATH_ASSIGNMENT, 0),
+        (Acknowledged.PATH_ASSIGNMENT, 2),
+        (Acknowledged.RECOVERY_ORDER, 0),
+        (Acknowledged.RECOVERY_ORDER, 1),
+        (Acknowledged.SURFACING_REPORT, 1),
+        (Acknowledged.SORTIE_REPORT, 1),
+    ],
+)
+def test_only_the_right_answer_ends_a_hand_over(what: Acknowledged, reference: int) -> None:
+    bench = Bench().ordered()
+    bench.meet('auv_1', acknowledges=False)
+    bench.tick()
+    assert bench.hear('auv_1', taken(what, reference)) == []
+    assert said(bench.hear('auv_1', report('auv_1')), 'auv_1') != []  # still repeated
+    bench.hear('auv_1', taken(Acknowledged.PATH_ASSIGNMENT, 1))
+    assert bench.hear('auv_1', report('auv_1')) == []
+
+
+def test_nobody_can_answer_for_another() -> None:
+    bench = Bench().ordered()
+    bench.meet('auv_1', acknowledges=False)
+    for src in ('auv_2', 'c3'):
+        bench.hear(src, taken(Acknowledged.PATH_ASSIGNMENT, 1))
+    assert said(bench.hear('auv_1', report('auv_1')), 'auv_1') != []
+
+
+@pytest.mark.parametrize(
+    'changes',
+    [
+        {'leg_id': 1},
+        {'moves_done': 2},
+        {'moves_done': 0},
+        {'cell': (3, 0)},
+        {'samples': (Sample(number=0, cell=(6, 0), entered_s=0.0, value=1.0),)},
+    ],
+    ids=['other_leg', 'too_many_moves', 'cell_not_reached', 'cell_off_the_path', 'alien_sample'],
+)
+def test_a_report_that_contradicts_the_leg_is_refused_and_nothing_taken(
+    changes: dict[str, object],
+) -> None:
+    planner = OneStep()
+    bench = Bench(planner).ordered()
+    assert refused(bench.hear('auv_1', report('auv_1', **changes))) == (
+        'auv_1',
+        Refusal.CONTRADICTORY,
+    )
+    assert planner.requests == []
+    output = bench.meet('auv_1')  # an honest one is still taken
+    assert path_handed_over(output, 'auv_1').leg_id == 1
+
+
+@pytest.mark.parametrize(('src', 'auv'), [('auv_2', 'auv_1'), ('c3', 'c3'), ('c3', 'auv_1')])
+def test_nobody_reports_for_another(src: str, auv: str) -> None:
+    bench = Bench().ordered()
+    lie = msgspec.structs.replace(report('auv_1'), auv=auv)
+    assert refused(bench.hear(src, lie)) == (src, Refusal.UNEXPECTED)
+
+
+def test_messages_that_a_uav_does_not_take_are_refused() -> None:
+    bench = Bench().ordered()
+    leg = Leg(leg_id=1, path=PATHS['auv_1'], surface_deadline_s=1.0)
+    assert refused(bench.hear('auv_1', PathAssignment(auv='auv_1', leg=leg))) == (
+        'auv_1',
+        Refusal.UNEXPECTED,
+    )
+
+
+# --- turns ---------------------------------------------------------------------------------------
+
+
+def test_an_auv_heard_before_its_turn_has_to_wait() -> None:
+    bench = Bench().ordered()
+    assert bench.hear('auv_2', report('auv_2')) == []
+    output = bench.meet('auv_1')  # in the same tick: now it is its turn
+    assert [event.auv for event in of(Met, events(output))] == [  # type: ignore[attr-defined]
+        *('auv_1', 'auv_2')
+    ]
+
+
+def test_what_was_heard_at_an_earlier_tick_is_out_of_date() -> None:
+    bench = Bench().ordered()
+    bench.hear('auv_2', report('auv_2'))
+    bench.tick()
+    assert len(of(Met, events(bench.meet('auv_1')))) == 1
+
+
+def test_a_planner_may_meet_out_of_turn() -> None:
+    bench = Bench(OneStep(meets_out_of_turn=True)).ordered()
+    assert len(of(Met, events(bench.meet('auv_2')))) == 1
+    assert len(of(Met, events(bench.meet('auv_1')))) == 1
+
+
+def test_an_auv_that_is_nowhere_on_its_path_is_missed_and_the_next_one_met() -> None:
+    bench = Bench().ordered()
+    output = bench.until(Missed)
+    (missed,) = (
+        each
+        for each in output
+        if isinstance(each, Log) and each.event == Missed(sortie=1, auv='auv_1')
+    )
+    assert missed.stamp_s >= 10.0  # not before it must be surfaced
+    assert len(of(Met, events(bench.meet('auv_2')))) == 1
+    (found,) = reports_after(bench, acknowledges=False)
+    assert found.missed == ('auv_1',)
+    assert [meeting.auv for meeting in found.meetings] == ['auv_2']
+
+
+def test_a_sortie_that_meets_nobody_takes_as_long_as_the_worst_case_says() -> None:
+    bench = Bench().ordered()
+    (departed,) = of(SortieDeparted, events(bench.until(SortieDeparted)))
+    (returned,) = of(SortieReturned, events(bench.until(SortieReturned)))
+    assert returned.duration_s == departed.worst_case_s  # type: ignore[attr-defined]
+
+
+# --- delivery ------------------------------------------------------------------------------------
+
+
+def test_back_at_c3_it_reports_everything_until_that_is_acknowledged() -> None:
+    bench = Bench().ordered()
+    bench.meet('auv_1')
+    bench.meet('auv_2')
+    (found,) = reports_after(bench, acknowledges=False)
+    assert (found.sortie, found.departed_s, found.returned_s) == (1, 0.0, bench.now_s)
+    assert [(m.auv, m.time_s, m.cell, m.ended_leg_id) for m in found.meetings] == [
+        ('auv_1', 0.0, (2, 0), 0),
+        ('auv_2', 0.0, (5, 0), 0),
+    ]
+    assert [meeting.next_leg and meeting.next_leg.leg_id for meeting in found.meetings] == [1, 1]
+    assert found.samples == tuple(
+        RelayedSample(auv=auv, sample=sample) for auv in PATHS for sample in report(auv).samples
+    )
+    assert said(bench.tick(), 'c3') == [found]
+    bench.hear('c3', taken(Acknowledged.SORTIE_REPORT, 2))
+    assert said(bench.tick(), 'c3') == [found]
+    assert bench.hear('c3', taken(Acknowledged.SORTIE_REPORT, 1)) == []
+    assert said(bench.tick(), 'c3') == []
+
+
+def test_reports_that_c3_missed_are_delivered_in_order_later() -> None:
+    bench = Bench().ordered()
+    bench.meet('auv_1')
+    bench.until(SortieReturned)  # c3 hears nothing
+    bench.meet('auv_1', 1)
+    bench.until(SortieReturned)
+    (first,) = said(bench.tick(), 'c3')
+    assert isinstance(first, SortieReport)
+    assert first.sortie == 1
+    (second,) = said(bench.hear('c3', taken(Acknowledged.SORTIE_REPORT, 1)), 'c3')
+    assert isinstance(second, SortieReport)
+    assert second.sortie == 2
+    numbers = [[relayed.sample.number for relayed in each.samples] for each in (first, second)]
+    assert numbers == [[0, 1], [2]]
+    bench.hear('c3', taken(Acknowledged.SORTIE_REPORT, 1))  # a late copy
+    assert said(bench.tick(), 'c3') == [second]
+
+
+def test_only_c3_acknowledges_reports() -> None:
+    bench = Bench().ordered()
+    bench.meet('auv_1')
+    (found,) = reports_after(bench, acknowledges=False)
+    bench.hear('auv_1', taken(Acknowledged.SORTIE_REPORT, 1))
+    assert said(bench.tick(), 'c3') == [found]
+
+
+# --- the end -------------------------------------------------------------------------------------
+
+
+def small_mission() -> Bench:
+    """Return a bench whose two cells are explored when its only AUV has done its first leg."""
+    bench = Bench()
+    bench.tick()
+    region = GridSpec(cols=2, rows=1, cell_m=10.0)
+    bench.hear('c3', order(region=region, auvs=(auv_order('auv_1', ((0, 0), (1, 0))),)))
+    return bench
+
+
+LAST_REPORT = report('auv_1', cell=(1, 0), samples=())
+RECOVERY = RecoveryOrder(auv='auv_1', leg_id=0, reason=RecoveryReason.EXPLORED)
+
+
+def test_when_all_is_explored_the_auv_is_told_to_stay_up() -> None:
+    bench = small_mission()
+    output = bench.hear('auv_1', LAST_REPORT)
+    assert said(output, 'auv_1') == [taken(Acknowledged.SURFACING_REPORT, 0), RECOVERY]
+    (met,) = of(Met, events(output))
+    assert (met.path, met.slack_s, met.plan_status) == ((), None, None)  # type: ignore[attr-defined]
+
+
+@pytest.mark.parametrize('acknowledges', [True, False])
+def test_it_has_finished_when_c3_has_everything(acknowledges: bool) -> None:
+    bench = small_mission()
+    bench.hear('auv_1', LAST_REPORT)
+    if acknowledges:
+        bench.hear('auv_1', taken(Acknowledged.RECOVERY_ORDER, 0))
+    (found,) = reports_after(bench, acknowledges=False)
+    assert found.meetings[0].next_leg is None
+    assert not bench.agent.finished
+    bench.hear('c3', taken(Acknowledged.SORTIE_REPORT, 1))
+    assert bench.agent.finished
+    assert len(bench.tick(50)) == 50  # at home, odometry only
+
+
+def test_an_auv_that_missed_its_recovery_order_is_told_again_whenever_it_is_heard() -> None:
+    bench = small_mission()
+    bench.hear('auv_1', LAST_REPORT)
+    for _ in range(20):  # in the hand-over, on the way home, at home
+        bench.tick()
+        assert said(bench.hear('auv_1', LAST_REPORT), 'auv_1')[1:] == [RECOVERY]
+    bench.hear('auv_1', taken(Acknowledged.PATH_ASSIGNMENT, 0))  # of the leg before: a late copy
+    assert said(bench.hear('auv_1', LAST_REPORT), 'auv_1')[1:] == [RECOVERY]
+    bench.hear('auv_1', taken(Acknowledged.RECOVERY_ORDER, 0))
+    assert bench.hear('auv_1', LAST_REPORT) == []
+
+
+# --- every input in every state ------------------------------------------------------------------
+
+peers = st.sampled_from(['c3', 'auv_1', 'auv_2'])
+few = st.integers(0, 3)
+cells = st.tuples(st.integers(0, 6), st.integers(0, 1))
+honest = st.tuples(st.sampled_from(sorted(PATHS)), few).map(lambda parts: report(*parts))
+odd = st.tuples(honest, cells, few).map(
+    lambda parts: msgspec.structs.replace(parts[0], cell=parts[1], moves_done=parts[2])
+)
+words = st.one_of(
+    honest,
+    odd,
+    st.builds(Acknowledgement, acknowledges=st.sampled_from(Acknowledged), reference=few),
+    st.just(order()),
+    st.builds(RecoveryOrder, auv=peers, leg_id=few, reason=st.just(RecoveryReason.EXPLORED)),
+)
+heard = st.one_of(honest.map(lambda each: (each.auv, each)), st.tuples(peers, words))
+
+
+@given(st.lists(st.integers(1, 20) | heard, max_size=40), st.booleans())
+@settings(deadline=None, max_examples=200)
+def test_whatever_it_hears_what_it_took_custody_of_reaches_c3_once(
+    inputs: list[int | tuple[str, Message]], meets_out_of_turn: bool
+) -> None:
+    bench = Bench(OneStep(meets_out_of_turn=meets_out_of_turn)).ordered()
+    reported: dict[str, SurfacingReport] = {}
+    in_custody: set[tuple[str, int]] = set()
+    delivered: list[SortieReport] = []
+
+    def note(output: list[Output]) -> None:
+        for body in said(output, 'c3'):
+            if isinstance(body, SortieReport) and body.sortie == len(delivered) + 1:
+                delivered.append(body)
+        for auv in PATHS:
+            if said(output, auv):  # nothing is said to an AUV without confirming custody
+                in_custody.update((auv, sample.number) for sample in reported[auv].samples)
+
+    for step in inputs:
+        match step:
+            case int(seconds):
+                note(bench.tick(seconds))
+            case (src, message):
+                if isinstance(message, SurfacingReport) and message.auv == src:
+                    reported[src] = message
+                note(bench.hear(src, message))
+    # Then it gets home, sortie after sortie, to a C3 that hears and acknowledges everything.
+    for _ in range(2):
+        bench.until(SortieReturned)
+        for _ in range(len(inputs) + 3):
+            note(bench.tick())
+            note(bench.hear('c3', taken(Acknowledged.SORTIE_REPORT, len(delivered))))
+    relayed = [(each.auv, each.sample.number) for found in delivered for each in found.samples]
+    assert set(relayed) == in_custody
+    assert [found.sortie for found in delivered] == list(range(1, len(delivered) + 1))
