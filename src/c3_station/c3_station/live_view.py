@@ -163,7 +163,7 @@ def _colour(number: int) -> str:
 
 def _state(auv: AuvView, now_s: float) -> Text:
     if auv.recovered:
-        return Text('up for recovery', '#009E73')
+        return Text('recovered', '#009E73')
     if auv.surfaced_s is not None:
         return Text(f'waiting {auv.waiting_s(now_s):.0f} s', 'bold #E69F00')
     return Text('under water', 'dim')

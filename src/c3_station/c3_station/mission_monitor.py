@@ -6,6 +6,7 @@ from collections import deque
 from dataclasses import dataclass, field
 
 from c3_station.scenario import Scenario
+from c3_station.summary import Summarizer
 from msgs_json.geometry import Cell, Point
 from msgs_json.messages import (
     CellEntered,
@@ -68,9 +69,10 @@ class MissionMonitor:
 
     def __init__(self, scenario: Scenario, uav: str) -> None:
         self.scenario = scenario
+        self.summarizer = Summarizer()
         self.now_s = 0.0
         self.ticking = False
-        """Whether the clock has been heard."""
+        """Whether the mission has begun."""
         self.uav_name = uav
         self.uav_position = scenario.c3
         self.auvs = {
@@ -89,8 +91,8 @@ class MissionMonitor:
         """Time, source and text of what happened, newest last."""
 
     def clock(self, now_s: float) -> None:
-        """Take the simulated time."""
-        self.now_s, self.ticking = now_s, True
+        """Take the simulated time; it never goes back."""
+        self.now_s, self.ticking = max(self.now_s, now_s), True
 
     def odometry(self, name: str, odometry: Odometry) -> None:
         """Take a vehicle's true pose."""
@@ -102,6 +104,8 @@ class MissionMonitor:
 
     def event(self, source: str, stamp_s: float, event: Event) -> None:
         """Take an entry of the mission's log."""
+        self.clock(stamp_s)
+        self.summarizer.event(source, stamp_s, event)
         text = self._apply(source, stamp_s, event)
         if text:
             self.log.append((stamp_s, source, text))
@@ -164,12 +168,14 @@ class MissionMonitor:
         return None
 
     def _cell_entered(self, source: str, stamp_s: float, event: CellEntered) -> str | None:
-        self.auvs[source].cells_entered += 1
+        auv = self.auvs[source]
+        auv.cells_entered += 1
+        auv.position = self.scenario.region.centre(event.cell)
         self.entered.add(event.cell)
         if self.explored_s is None and len(self.entered) == self.scenario.region.cells_total:
             self.explored_s = stamp_s
-            for auv in self.auvs.values():
-                auv.neglect_s += auv.waiting_s(stamp_s)
+            for waiting in self.auvs.values():
+                waiting.neglect_s += waiting.waiting_s(stamp_s)
             return f'region explored at {stamp_s:.0f} s'
         return None
 

@@ -14,6 +14,7 @@ from typing import NoReturn
 from rich.console import Console
 from rich.live import Live
 
+from c3_station.bag import BagError, BagReader, recover_bag
 from c3_station.exit_codes import ExitCode
 from c3_station.live_view import LiveView
 from c3_station.mission_monitor import MissionMonitor
@@ -69,13 +70,15 @@ def run_mission(scenario: Scenario, options: RunOptions, console: Console) -> Ex
         interrupted = True
     if problem:
         console.print(problem, style='bold red', markup=False, highlight=False)
-    if not options.bag:
-        passed = problem is None and monitor.ended == COMPLETED
-        console.print(f'nothing recorded; the mission {monitor.ended or "did not end"}')
+    if options.bag:
+        _mend_bag(folder, console)
+        summary = write_report(folder.bag, folder.path).summary
     else:
-        passed = _report_run(folder, console) and problem is None
+        summary = monitor.summarizer.summary()
+        folder.summary.write_bytes(summary.to_json())
+    passed = _tell(summary, scenario, console) and problem is None
+    console.print(f'report: {folder.report if options.bag else folder.summary}', highlight=False)
     if interrupted:
-        console.print('interrupted; what was recorded is readable')
         return ExitCode.INTERRUPTED
     return ExitCode.OK if passed else ExitCode.FAILED
 
@@ -90,26 +93,73 @@ def report_bag(bag: Path, out: Path, console: Console) -> ExitCode:
         The bag is missing or cannot be read; the text says what to do.
 
     """
-    return ExitCode.OK if _report(bag, out, console) else ExitCode.FAILED
+    record = write_report(bag, out)
+    if record.scenario is None:
+        console.print('the bag does not hold the beginning of its mission', style='bold red')
+        return ExitCode.FAILED
+    passed = _tell(record.summary, record.scenario, console)
+    console.print(f'report: {RunFolder(out).report}', highlight=False)
+    return ExitCode.OK if passed else ExitCode.FAILED
+
+
+def _mend_bag(folder: RunFolder, console: Console) -> None:
+    """Save what is in the bag of a recorder that was killed, and keep what it left."""
+    try:
+        with BagReader(folder.bag):
+            return
+    except BagError as error:
+        console.print(str(error), style='red', markup=False, highlight=False)
+    broken = folder.path / 'bag_broken'
+    folder.bag.rename(broken)
+    messages = recover_bag(broken, folder.bag)
+    console.print(f'{messages} messages saved into {folder.bag}', highlight=False)
+
+
+def _tell(summary: Summary, scenario: Scenario, console: Console) -> bool:
+    """Print what the mission came to and return whether it met its pass conditions."""
+    longest_s = max((sortie.duration_s or 0.0 for sortie in summary.sorties), default=0.0)
+    neglect = '-' if summary.neglect_fraction is None else f'{summary.neglect_fraction:.1%}'
+    console.print(
+        f'explored {_seconds(summary.explored_s)}, delivered {_seconds(summary.delivered_s)},'
+        f' neglect {neglect}, {len(summary.sorties)} sorties, the longest {longest_s:g} s,'
+        f' {summary.sortie_limit_violations} over the limit;'
+        f' {summary.samples_delivered} of {summary.samples_collected} samples at C3',
+        highlight=False,
+    )
+    failed = failed_conditions(summary, scenario)
+    for sentence in failed:
+        console.print(f'not passed: {sentence}', style='bold red', markup=False, highlight=False)
+    if not failed:
+        console.print('passed: every condition of the scenario is met', style='bold green')
+    return not failed
+
+
+def _seconds(time_s: float | None) -> str:
+    return 'not reached' if time_s is None else f'at {time_s:g} s'
 
 
 @contextmanager
 def _live(console: Console, monitor: MissionMonitor, title: str) -> Iterator[Callable[[], None]]:
     """Show the mission while it runs; a terminal sees it move, a log file its end only."""
     view = LiveView(monitor, title)
-    began_s = monotonic()
-    shown_s = began_s
+    shown_s = began_s = monotonic()
 
-    with Live(view, console=console, auto_refresh=False, transient=False) as live:
+    with Live(view, console=console, auto_refresh=False) as live:
 
         def refresh() -> None:
-            nonlocal shown_s
+            nonlocal shown_s, began_s
             now_s = monotonic()
+            if not monitor.ticking:
+                began_s = now_s
+            elif now_s > began_s:
+                view.real_time_factor = monitor.now_s / (now_s - began_s)
             if now_s - shown_s >= 1.0 / _FRAMES_PER_S:
                 shown_s = now_s
                 live.refresh()
 
         yield refresh
+    if not console.is_terminal:
+        console.print()  # the last frame ends without a new line there
 
 
 @contextmanager

@@ -18,9 +18,15 @@ from msgs_json.topics import CLOCK, MISSION_EVENTS, ODOM, Topic
 
 
 class Observer:
-    """A node in a context of its own; signals stay with the orchestrator."""
+    """
+    A node in a context of its own; signals stay with the orchestrator.
 
-    def __init__(self, domain_id: int, monitor: MissionMonitor) -> None:
+    It always hears the mission's log. Clock and poses, which come at every tick, are for a
+    mission that is paced for people: at full speed they would cost a tenth of it, and no eye could
+    follow.
+    """
+
+    def __init__(self, domain_id: int, monitor: MissionMonitor, *, every_tick: bool) -> None:
         self._monitor = monitor
         self._context = rclpy.Context()
         rclpy.init(
@@ -31,10 +37,11 @@ class Observer:
         self._node = rclpy.create_node('observer', namespace='orchestrator', context=self._context)
         self._executor = make_executor(self._context)
         self._executor.add_node(self._node)
-        self._listen(CLOCK, '/', self._clock)
         self._listen(MISSION_EVENTS, '/', self._event)
-        for name in (monitor.uav_name, *monitor.auvs):
-            self._listen(ODOM, f'/{name}', self._odometry(name))
+        if every_tick:
+            self._listen(CLOCK, '/', self._clock)
+            for name in (monitor.uav_name, *monitor.auvs):
+                self._listen(ODOM, f'/{name}', self._odometry(name))
 
     def spin(self, duration_s: float) -> None:
         """Listen for a while."""

@@ -7,12 +7,6 @@ from contextlib import ExitStack
 from threading import Event as Pause
 from time import monotonic
 
-from msgs_json import codec
-from msgs_json.agent_shell import Frame
-from msgs_json.messages import Event
-from msgs_json.ros_messages import ClockTime, Odometry, Text, nanoseconds, to_cdr
-from msgs_json.topics import MISSION_EVENTS
-
 from c3_station.bag import BagFacts, BagWriter, stamp_ns
 from c3_station.flight import Flight
 from c3_station.in_process import fly
@@ -20,6 +14,11 @@ from c3_station.mission_monitor import MissionMonitor
 from c3_station.recorded_topics import mission_topics
 from c3_station.run_folder import RunFolder
 from c3_station.scenario import Scenario
+from msgs_json import codec
+from msgs_json.agent_shell import Frame
+from msgs_json.messages import Event
+from msgs_json.ros_messages import ClockTime, Odometry, Text, nanoseconds, to_cdr
+from msgs_json.topics import MISSION_EVENTS
 
 
 def fly_in_process(

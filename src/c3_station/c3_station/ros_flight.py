@@ -55,7 +55,7 @@ def fly_on_ros(
         try:
             for node in nodes:
                 watch.processes[node.name] = _start(node, folder)
-            observer = Observer(domain, monitor)
+            observer = Observer(domain, monitor, every_tick=rate > 0)
             try:
                 watch.until_the_world_ends(observer)
             finally:

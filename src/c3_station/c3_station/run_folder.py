@@ -22,6 +22,7 @@ class RunFolder:
         self.logs = path / 'logs'
         self.params = path / 'params.yaml'
         self.scenario = path / _MARKER
+        self.summary = path / 'summary.json'
         self.report = path / 'report.html'
 
 

@@ -1,0 +1,166 @@
+"""Whole missions over real processes: what the orchestrator promises when things go wrong."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from c3_station.bag import BagReader
+from c3_station.exit_codes import ExitCode
+from c3_station.mission_monitor import MissionMonitor
+from c3_station.node_params import UAV
+from c3_station.observer_node import Observer
+from c3_station.scenario_files import load_scenario
+
+pytestmark = pytest.mark.ros
+
+START_S = 30.0
+"""All nodes of a mission are up long before, on an idle machine within two seconds."""
+
+
+class Run:
+    """One ``orchestrate.py run`` under way."""
+
+    def __init__(self, out: Path, *options: str) -> None:
+        self.out = out
+        command = [sys.executable, '-m', 'c3_station', 'run', 'ecc2009', '--out', str(out)]
+        self.process = subprocess.Popen(
+            [*command, *options], stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True
+        )
+
+    def wait_for_flight(self) -> None:
+        """Wait until the mission is being recorded."""
+        deadline_s = time.monotonic() + START_S
+        bag = self.out / 'bag' / 'bag.mcap'
+        while time.monotonic() < deadline_s:
+            # The file begins with the topics; it grows when there is something to tell.
+            if bag.exists() and bag.stat().st_size > 50_000:
+                return
+            time.sleep(0.05)
+        raise AssertionError(f'no flight within {START_S} s: {self.end()}')
+
+    def nodes(self) -> dict[str, int]:
+        """Return the pids of the node processes by node name."""
+        found = {}
+        for status in Path('/proc').glob('[0-9]*/cmdline'):
+            try:
+                words = status.read_text().split('\0')
+            except OSError:
+                continue
+            if str(self.out / 'params.yaml') in words:
+                (namespace,) = (word for word in words if word.startswith('__ns:=/'))
+                found[namespace.removeprefix('__ns:=/')] = int(status.parent.name)
+        return found
+
+    def end(self) -> tuple[int, str]:
+        """Wait for the end; return exit code and output."""
+        output, _ = self.process.communicate(timeout=60)
+        return self.process.returncode, output
+
+
+@pytest.fixture
+def runs() -> Iterator[list[Run]]:
+    """Collect the runs of a test, so that none outlives it."""
+    begun: list[Run] = []
+    yield begun
+    for run in begun:
+        if run.process.poll() is None:
+            run.process.kill()
+            run.process.communicate()
+
+
+def test_the_reference_mission_over_ros(tmp_path: Path, runs: list[Run]) -> None:
+    run = Run(tmp_path / 'run', '--rate', 'max')
+    runs.append(run)
+    code, output = run.end()
+    assert code == ExitCode.OK, output
+    summary = json.loads((run.out / 'summary.json').read_text())
+    assert summary['explored_s'] == 457.0
+    assert summary['sortie_limit_violations'] == 0
+    assert summary['samples_delivered'] == summary['samples_collected']
+    assert (run.out / 'report.html').exists()
+    assert 'Traceback' not in ''.join(log.read_text() for log in run.out.glob('logs/*.log'))
+    with BagReader(run.out / 'bag') as reader:
+        assert reader.facts.complete
+    assert run.nodes() == {}
+
+
+@pytest.mark.parametrize('signum', [signal.SIGINT, signal.SIGTERM])
+def test_an_interrupt_ends_everything_and_leaves_a_readable_bag(
+    tmp_path: Path, runs: list[Run], signum: signal.Signals
+) -> None:
+    run = Run(tmp_path / 'run', '--rate', '60')
+    runs.append(run)
+    run.wait_for_flight()
+    assert len(run.nodes()) == 7
+    run.process.send_signal(signum)
+    code, output = run.end()
+    assert code == ExitCode.INTERRUPTED, output
+    assert 'Traceback' not in output
+    assert run.nodes() == {}
+    summary = json.loads((run.out / 'summary.json').read_text())
+    assert summary['explored_s'] is None
+    assert summary['stopped'] == 'interrupted'
+
+
+@pytest.mark.parametrize('victim', ['auv_2', 'uav', 'c3'])
+def test_a_node_that_is_killed_is_named_and_the_bag_stays_readable(
+    tmp_path: Path, runs: list[Run], victim: str
+) -> None:
+    run = Run(tmp_path / 'run', '--rate', '60')
+    runs.append(run)
+    run.wait_for_flight()
+    os.kill(run.nodes()[victim], signal.SIGKILL)
+    code, output = run.end()
+    assert code == ExitCode.FAILED, output
+    assert f'{victim} ended by SIGKILL' in output
+    assert 'Traceback' not in output
+    assert run.nodes() == {}
+    summary = json.loads((run.out / 'summary.json').read_text())
+    assert victim in summary['stopped']
+
+
+def test_a_hanging_node_is_named_too(tmp_path: Path, runs: list[Run]) -> None:
+    run = Run(tmp_path / 'run', '--rate', '60')
+    runs.append(run)
+    run.wait_for_flight()
+    os.kill(run.nodes()['auv_3'], signal.SIGSTOP)
+    code, output = run.end()
+    assert code == ExitCode.FAILED, output
+    assert 'auv_3' in output
+    assert run.nodes() == {}
+
+
+def test_a_killed_recorder_costs_the_last_second_at_most(tmp_path: Path, runs: list[Run]) -> None:
+    rate = 60.0
+    run = Run(tmp_path / 'run', '--rate', f'{rate:g}')
+    runs.append(run)
+    run.wait_for_flight()
+    recorder = run.nodes()['recorder']
+    (variable,) = (
+        word
+        for word in Path(f'/proc/{recorder}/environ').read_text().split('\0')
+        if word.startswith('ROS_DOMAIN_ID=')
+    )
+    scenario = load_scenario('ecc2009')
+    monitor = MissionMonitor(scenario, UAV)
+    observer = Observer(int(variable.partition('=')[2]), monitor, every_tick=True)
+    observer.spin(2.0)
+    os.kill(recorder, signal.SIGKILL)
+    killed_s = monitor.now_s
+    observer.close()
+    code, output = run.end()
+    assert code == ExitCode.FAILED, output
+    assert 'recorder ended by SIGKILL' in output
+    assert 'Traceback' not in output
+    with BagReader(run.out / 'bag') as reader:
+        saved_s = max(message.log_time_ns for message in reader.messages()) * 1e-9
+    assert killed_s > 60.0
+    assert saved_s >= killed_s - 1.0 * rate
+    assert json.loads((run.out / 'summary.json').read_text())['scenario'] == 'ecc2009'
