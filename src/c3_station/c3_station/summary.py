@@ -232,13 +232,31 @@ def summarize(records: Iterable[Record], facts: BagFacts | None = None) -> Summa
     return summarizer.summary(facts)
 
 
-def failed_conditions(summary: Summary, scenario: Scenario) -> list[str]:
-    """Return a sentence for each pass condition that was not met; empty if all were."""
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ConditionCheck:
+    """A pass condition of the scenario, and whether the mission met it."""
+
+    name: str
+    value: float | None
+    allowed: str
+    failure: str | None
+    """A sentence with figure and limit; None where the condition is met."""
+
+
+def check_conditions(summary: Summary, scenario: Scenario) -> list[ConditionCheck]:
+    """Return all pass conditions that limit anything; a figure without value meets none."""
     conditions: dict[str, Limits] = msgspec.structs.asdict(scenario.pass_conditions)
     return [
-        sentence
+        _check(name, getattr(summary, name), limits)
         for name, limits in conditions.items()
-        for sentence in _failures(name, getattr(summary, name), limits)
+        if limits.min is not None or limits.max is not None
+    ]
+
+
+def failed_conditions(summary: Summary, scenario: Scenario) -> list[str]:
+    """Return a sentence for each pass condition that was not met; empty if all were."""
+    return [
+        check.failure for check in check_conditions(summary, scenario) if check.failure is not None
     ]
 
 
@@ -272,17 +290,18 @@ def lower_bound_s(scenario: Scenario) -> float:
     return bound_s
 
 
-def _failures(name: str, value: float | None, limits: Limits) -> list[str]:
-    bounds = (('less', 'at least', limits.min), ('more', 'at most', limits.max))
-    wanted = [(wrong, allowed, bound) for wrong, allowed, bound in bounds if bound is not None]
+def _check(name: str, value: float | None, limits: Limits) -> ConditionCheck:
+    bounds = (('at least', limits.min), ('at most', limits.max))
+    allowed = ' and '.join(f'{words} {bound:g}' for words, bound in bounds if bound is not None)
     if value is None:
-        allowed = ' and '.join(f'{allowed} {bound:g}' for _, allowed, bound in wanted)
-        return [f'{name} has no value, it must be {allowed}'] if wanted else []
-    return [
-        f'{name} is {value:.6g}, {wrong} than allowed: {allowed} {bound:g}'
-        for wrong, allowed, bound in wanted
-        if (value < bound if wrong == 'less' else value > bound)
-    ]
+        failure = f'{name} has no value, it must be {allowed}'
+    elif limits.min is not None and value < limits.min:
+        failure = f'{name} is {value:.6g}, less than allowed: {allowed}'
+    elif limits.max is not None and value > limits.max:
+        failure = f'{name} is {value:.6g}, more than allowed: {allowed}'
+    else:
+        failure = None
+    return ConditionCheck(name=name, value=value, allowed=allowed, failure=failure)
 
 
 class _Figures:

@@ -21,6 +21,7 @@ from c3_station.scenario_files import load_scenario, parse_scenario, scenario_js
 from c3_station.summary import (
     Summarizer,
     Summary,
+    check_conditions,
     failed_conditions,
     lower_bound_s,
     summarize,
@@ -244,6 +245,12 @@ def test_met_conditions_say_nothing() -> None:
         explored_s=Limits(min=49.0, max=49.0), sortie_limit_violations=Limits(max=1)
     )
     assert failed_conditions(summary_of(MISSION), scenario) == []
+    checks = check_conditions(summary_of(MISSION), scenario)
+    assert [(check.name, check.value, check.allowed) for check in checks] == [
+        ('explored_s', 49.0, 'at least 49 and at most 49'),
+        ('sortie_limit_violations', 1, 'at most 1'),
+        ('samples_lost', 0, 'at most 0'),
+    ]
 
 
 def test_failed_conditions_are_told_with_figure_and_limit() -> None:
@@ -253,7 +260,7 @@ def test_failed_conditions_are_told_with_figure_and_limit() -> None:
         sortie_limit_violations=Limits(max=0),
     )
     assert failed_conditions(summary_of(MISSION), scenario) == [
-        'explored_s is 49, less than allowed: at least 50',
+        'explored_s is 49, less than allowed: at least 50 and at most 60',
         'neglect_fraction is 0.183673, more than allowed: at most 0.1',
         'sortie_limit_violations is 1, more than allowed: at most 0',
     ]

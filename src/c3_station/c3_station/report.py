@@ -1,0 +1,135 @@
+"""A mission's ``summary.json``, ``report.html`` and figures, all from its bag alone."""
+
+from __future__ import annotations
+
+import shlex
+from base64 import b64encode
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import jinja2
+import msgspec
+
+from c3_station.bag import find_bag
+from c3_station.figures import auv_label, draw_figures
+from c3_station.mission_record import read_mission
+from c3_station.paper import comparisons, is_reference_mission
+from c3_station.scenario_files import scenario_json, shipped_scenarios
+from c3_station.summary import check_conditions
+
+if TYPE_CHECKING:
+    from c3_station.figures import DrawnFigure
+    from c3_station.mission_record import MissionRecord
+
+PROGRAM = 'python3 orchestrate.py'
+
+
+def write_report(bag: Path, out: Path) -> MissionRecord:
+    """
+    Write summary, report and figures of a recorded mission into a folder, over older ones.
+
+    Raises
+    ------
+    BagError
+        There is no such bag, or it is broken.
+    ValueError
+        The folder cannot be written to, or the recorded scenario cannot be read.
+
+    """
+    record = read_mission(bag)
+    figures = draw_figures(record)
+    page = render_report(record, figures, _rebuild(bag, out))
+    try:
+        folder = out / 'figures'
+        folder.mkdir(parents=True, exist_ok=True)
+        for figure in figures:
+            (folder / f'{figure.name}.png').write_bytes(figure.png)
+        (out / 'summary.json').write_bytes(record.summary.to_json())
+        (out / 'report.html').write_text(page, encoding='utf-8')
+    except OSError as error:
+        raise ValueError(f'{out}: the report cannot be written: {error.strerror}') from None
+    return record
+
+
+def render_report(
+    record: MissionRecord, figures: tuple[DrawnFigure, ...], rebuild_command: str
+) -> str:
+    """Return the page; everything it shows is in it."""
+    scenario, summary = record.scenario, record.summary
+    return _template().render(
+        scenario=scenario,
+        summary=summary,
+        facts=record.facts,
+        checks=check_conditions(summary, scenario) if scenario else None,
+        comparisons=comparisons(summary) if scenario and is_reference_mission(scenario) else (),
+        figures=[
+            {
+                'name': figure.name,
+                'title': figure.title,
+                'caption': figure.caption,
+                'data': b64encode(figure.png).decode(),
+            }
+            for figure in figures
+        ],
+        longest_sortie_s=max(
+            (each.duration_s for each in summary.sorties if each.duration_s is not None),
+            default=None,
+        ),
+        rebuild_command=rebuild_command,
+        fly_again_command=_fly_again(record),
+        scenario_text=(
+            msgspec.json.format(scenario_json(scenario), indent=2).decode() if scenario else None
+        ),
+    )
+
+
+def _rebuild(bag: Path, out: Path) -> str:
+    """Return how to make the page again."""
+    beside_the_bag = find_bag(bag).resolve().parent == out.resolve()
+    options = [] if beside_the_bag else ['--out', str(out)]
+    return f'{PROGRAM} {shlex.join(["report", str(bag), *options])}'
+
+
+def _fly_again(record: MissionRecord) -> str | None:
+    """Return how to fly a shipped scenario again; None where the file is somebody's own."""
+    scenario, summary = record.scenario, record.summary
+    if scenario is None or scenario.name not in shipped_scenarios():
+        return None
+    return f'{PROGRAM} run {scenario.name} --planner {summary.planner} --seed {summary.seed}'
+
+
+def _template() -> jinja2.Template:
+    environment = jinja2.Environment(
+        loader=jinja2.FileSystemLoader(Path(__file__).parent / 'templates'),
+        autoescape=True,
+        undefined=jinja2.StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    environment.filters |= {
+        'number': _number,
+        'signed': _signed,
+        'percent': _percent,
+        'auv_label': auv_label,
+    }
+    return environment.get_template('report.html.j2')
+
+
+def _number(value: float | None, unit: str = '') -> str:
+    """Return a number as a person reads it, with its unit; a dash where there is none."""
+    if value is None:
+        return '\N{EN DASH}'
+    text = f'{value:,.2f}'.rstrip('0').rstrip('.') if value % 1 else f'{value:,.0f}'
+    return f'{text}\N{NO-BREAK SPACE}{unit}' if unit else text
+
+
+def _signed(value: float | None, unit: str = '') -> str:
+    """Return a difference, with its sign."""
+    if value is None or round(value, 2) == 0:
+        return _number(None if value is None else 0.0, unit)
+    sign = '+' if value > 0 else '\N{MINUS SIGN}'
+    return sign + _number(round(abs(value), 2), unit)
+
+
+def _percent(share: float | None) -> str:
+    return _number(None if share is None else round(100.0 * share, 1), '%')

@@ -1,0 +1,392 @@
+"""Reports: what is on the page, what is drawn, and that a broken-off mission has one too."""
+
+from __future__ import annotations
+
+import functools
+import json
+import re
+import tempfile
+from base64 import b64encode
+from html.parser import HTMLParser
+from itertools import combinations, pairwise
+from pathlib import Path
+
+import matplotlib as mpl
+import msgspec
+import numpy as np
+import pytest
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+from matplotlib.text import Text as DrawnText
+from matplotlib.transforms import Bbox
+
+from c3_station import figures
+from c3_station.bag import BagError, BagFacts, BagReader, BagWriter, stamp_ns
+from c3_station.figures import draw_figures
+from c3_station.in_process import fly
+from c3_station.mission_record import MissionRecord, bag_records, gather_mission, read_mission
+from c3_station.paper import PAPER_FIGURES, comparisons, is_reference_mission
+from c3_station.recorded_topics import mission_topics
+from c3_station.report import render_report, write_report
+from c3_station.scenario import Scenario
+from c3_station.scenario_files import load_scenario, parse_scenario, scenario_json
+from c3_station.summary import failed_conditions, summarize
+from msgs_json.agent_shell import Frame
+from msgs_json.ros_messages import to_cdr
+
+NAMES = ['routes', 'first_sortie', 'coverage', 'neglect', 'sorties', 'survey']
+FACTS = BagFacts(wall_s=2.5, real_time_factor=212.0, complete=True)
+
+
+def record_bag(scenario: Scenario, path: Path) -> None:
+    with BagWriter(path, mission_topics(scenario)) as writer:
+
+        def sink(name: str, frame: Frame) -> None:
+            cdr = to_cdr(frame.message)
+            stamp = stamp_ns(frame.topic.ros_type, cdr)
+            assert stamp is not None
+            writer.write(frame.topic.resolve(f'/{name}'), cdr, stamp)
+
+        fly(scenario, sink)
+        writer.close(FACTS)
+
+
+@functools.cache
+def recorded(name: str) -> MissionRecord:
+    with tempfile.TemporaryDirectory() as folder:
+        record_bag(load_scenario(name), Path(folder) / 'bag')
+        return read_mission(Path(folder))
+
+
+@pytest.fixture(scope='module')
+def minimal(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp('minimal')
+    record_bag(load_scenario('minimal'), folder / 'bag')
+    return folder
+
+
+# --- the record ----------------------------------------------------------------------------------
+
+
+def test_record_holds_what_the_bag_does(minimal: Path) -> None:
+    record = read_mission(minimal / 'bag')
+    with BagReader(minimal / 'bag') as reader:
+        summary = summarize(bag_records(reader), reader.facts)
+    assert record.summary == summary
+    assert record.facts == FACTS
+    assert record.scenario == load_scenario('minimal')
+    assert set(record.tracks) == {'auv_1', 'uav'}
+    assert summary.mission_s is not None
+    for track in record.tracks.values():
+        assert track.times_s == [float(tick) for tick in range(int(summary.mission_s) + 1)]
+        assert len(track.positions) == len(track.z_m) == len(track.times_s)
+    assert len(record.routes) == len(summary.sorties)
+    for (_, route), sortie in zip(record.routes, summary.sorties, strict=True):
+        assert route[0] == route[-1] == load_scenario('minimal').c3
+        assert len(route) > 2 or not sortie.meetings
+    assert len(record.survey) == summary.samples_delivered
+    assert [each.stamp_s for each in record.events] == sorted(
+        each.stamp_s for each in record.events
+    )
+
+
+# --- the files -----------------------------------------------------------------------------------
+
+
+def test_report_writes_summary_page_and_figures(minimal: Path, tmp_path: Path) -> None:
+    summary = write_report(minimal / 'bag', tmp_path / 'out').summary
+    assert failed_conditions(summary, load_scenario('minimal')) == []
+    content = json.loads((tmp_path / 'out' / 'summary.json').read_text())
+    assert content['explored_s'] == summary.explored_s
+    assert (content['wall_s'], content['real_time_factor']) == (2.5, 212.0)
+    drawn = sorted((tmp_path / 'out' / 'figures').iterdir())
+    assert [file.name for file in drawn] == sorted(f'{name}.png' for name in NAMES)
+    page = (tmp_path / 'out' / 'report.html').read_text(encoding='utf-8')
+    for file in drawn:
+        assert b64encode(file.read_bytes()).decode() in page
+
+
+def test_report_is_the_same_each_time(minimal: Path, tmp_path: Path) -> None:
+    (tmp_path / 'out').mkdir()
+    (tmp_path / 'out' / 'summary.json').write_text('of an earlier run')
+    for name in ('out', 'again'):
+        write_report(minimal, tmp_path / name)
+    for name in ('summary.json', 'figures/routes.png', 'figures/survey.png'):
+        assert (tmp_path / 'out' / name).read_bytes() == (tmp_path / 'again' / name).read_bytes()
+    pages = [(tmp_path / name / 'report.html').read_text() for name in ('out', 'again')]
+    assert pages[0] == pages[1].replace(str(tmp_path / 'again'), str(tmp_path / 'out'))
+
+
+def test_report_that_cannot_be_made_is_a_clear_error(minimal: Path, tmp_path: Path) -> None:
+    with pytest.raises(BagError, match='there is no such bag'):
+        write_report(tmp_path / 'none', tmp_path / 'out')
+    (tmp_path / 'file').write_text('')
+    with pytest.raises(ValueError, match='the report cannot be written'):
+        write_report(minimal, tmp_path / 'file')
+
+
+# --- the page ------------------------------------------------------------------------------------
+
+
+class Page(HTMLParser):
+    """Checks that every element is closed, and gathers what would be loaded from elsewhere."""
+
+    VOID = frozenset({'meta', 'img', 'br', 'hr', 'link', 'input'})
+
+    def __init__(self, text: str) -> None:
+        super().__init__()
+        self.open: list[str] = []
+        self.loads: list[str] = []
+        self.images = 0
+        self.feed(text)
+        self.close()
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        if tag not in self.VOID:
+            self.open.append(tag)
+        assert tag not in ('script', 'link', 'iframe')
+        for name, value in attrs:
+            if name in ('src', 'href', 'srcset', 'data') and not (value or '').startswith('data:'):
+                self.loads.append(value or '')
+        if tag == 'img':
+            self.images += 1
+            assert dict(attrs)['alt']
+
+    def handle_endtag(self, tag: str) -> None:
+        assert self.open.pop() == tag
+
+
+def page_of(record: MissionRecord) -> str:
+    return render_report(record, (), 'python3 orchestrate.py report bag')
+
+
+def words(page: str) -> str:
+    """Return the text of a page without its markup."""
+    body = page.partition('<body>')[2]
+    return re.sub(r'\s+', ' ', re.sub(r'<[^>]*>', ' ', body)).replace('\N{NO-BREAK SPACE}', ' ')
+
+
+def test_page_is_well_formed_and_needs_nothing_else() -> None:
+    record = recorded('ecc2009')
+    text = render_report(record, draw_figures(record), 'python3 orchestrate.py report bag')
+    page = Page(text)
+    assert page.open == []
+    assert page.loads == []
+    assert page.images == len(NAMES)
+    assert 'url(' not in text
+    assert '@import' not in text
+
+
+def test_page_of_the_reference_mission_says_what_the_paper_says() -> None:
+    text = words(page_of(recorded('ecc2009')))
+    assert 'Passed' in text
+    assert 'Not passed' not in text
+    assert 'whole region explored 456 s 457 s +1 s p. 120, Fig. 7(b)' in text
+    assert 'first sortie back at C3 44 s 44 s 0 s' in text
+    assert 'neglect of A3 7.17 % 8.1 % +0.93 points' in text
+    assert '457 s region explored; no planner can before 330 s' in text
+    assert '0 of 9 sorties over their limit; longest 59 s of 60 s' in text
+    assert 'A1 at 14 s, [4, 7], λ 17 s, 6 cells to [4, 1]' in text
+    assert 'stays up for recovery' in text
+    assert 'python3 orchestrate.py report bag' in text
+    assert 'python3 orchestrate.py run ecc2009 --planner ecc2009 --seed 0' in text
+
+
+def test_other_missions_are_not_put_beside_the_paper() -> None:
+    text = words(page_of(recorded('minimal')))
+    assert 'Beside the paper' not in text
+    assert '212 real time; flown in 2.5 s of wall time' in text
+
+
+def test_failed_conditions_come_first() -> None:
+    content = json.loads(scenario_json(load_scenario('minimal')))
+    content['pass'] = {'explored_s': {'max': 60.0}}
+    record = msgspec_replace(recorded('minimal'), parse_scenario(json.dumps(content)))
+    text = words(page_of(record))
+    assert 'Not passed ✗ explored_s is 120, more than allowed: at most 60 ✓ samples_lost' in text
+
+
+def msgspec_replace(record: MissionRecord, scenario: Scenario) -> MissionRecord:
+    return MissionRecord(
+        scenario=scenario,
+        summary=record.summary,
+        facts=record.facts,
+        events=record.events,
+        tracks=record.tracks,
+        routes=record.routes,
+        survey=record.survey,
+    )
+
+
+def test_text_from_the_bag_is_escaped() -> None:
+    scenario = msgspec.structs.replace(
+        load_scenario('minimal'), description='<script>alert(1)</script> & co'
+    )
+    page = page_of(msgspec_replace(recorded('minimal'), scenario))
+    assert '<script>' not in page
+    assert '&lt;script&gt;alert(1)&lt;/script&gt; &amp; co' in page
+
+
+@pytest.mark.parametrize('share', [0.0, 0.02, 0.5])
+def test_mission_that_broke_off_has_a_report(share: float) -> None:
+    with tempfile.TemporaryDirectory() as folder:
+        record_bag(load_scenario('minimal'), Path(folder) / 'bag')
+        with BagReader(Path(folder)) as reader:
+            records = list(bag_records(reader))
+    record = gather_mission(records[: int(share * len(records))], BagFacts())
+    page = render_report(record, draw_figures(record), 'x')
+    assert Page(page).open == []
+    text = words(page)
+    assert 'The record ends before C3 called the mission complete' in text
+    assert 'The recorder did not see the mission to its end' in text
+    assert ('No verdict' if record.scenario is None else 'Not passed') in text
+
+
+# --- the paper -----------------------------------------------------------------------------------
+
+
+def test_reference_mission_is_known_by_what_is_flown() -> None:
+    scenario = load_scenario('ecc2009')
+    assert is_reference_mission(scenario)
+    other = msgspec.structs.replace
+    assert is_reference_mission(other(scenario, seed=7, name='again', description=''))
+    assert not is_reference_mission(other(scenario, tick_s=0.5))
+    assert not is_reference_mission(other(scenario, auvs=scenario.auvs[:2]))
+    radio = other(scenario.radio, range_m=25.0)
+    assert not is_reference_mission(other(scenario, radio=radio))
+    planner = other(scenario.planner, path_cells=5)
+    assert not is_reference_mission(other(scenario, planner=planner))
+    early = other(scenario.auvs[0], surfacing={'model': 'early', 'probability': 0.1})
+    assert not is_reference_mission(other(scenario, auvs=(early, *scenario.auvs[1:])))
+
+
+def test_paper_is_cited_for_every_figure() -> None:
+    source = Path(figures.__file__).with_name('paper.py').read_text()
+    assert 'European Control Conference 2009' in source.replace('\n', ' ')
+    assert all(figure.place for figure in PAPER_FIGURES)
+    shares = {each.what: each.value for each in PAPER_FIGURES if each.what.startswith('neglect')}
+    total = shares.pop('neglect of all AUVs')
+    assert sum(shares.values()) == pytest.approx(total)
+
+
+def test_comparison_of_a_mission_without_sorties_is_empty_not_wrong() -> None:
+    summary = summarize([])
+    for comparison in comparisons(summary):
+        if comparison.figure.what != 'sorties over the limit':
+            assert comparison.measured is None
+            assert comparison.difference is None
+
+
+def test_comparison_of_the_reference_mission() -> None:
+    by_name = {each.figure.what: each for each in comparisons(recorded('ecc2009').summary)}
+    for exact in ('A1 met', 'A2 met', 'A3 met'):
+        assert by_name[f'{exact} for the first time'].difference == 0.0
+    for auv in ('A1', 'A2', 'A3'):
+        assert by_name[f'turns in the first path of {auv}'].difference == 0
+    assert by_name['whole region explored'].measured == 457.0
+
+
+# --- the figures ---------------------------------------------------------------------------------
+
+
+def drawn(name: str, record: MissionRecord) -> Figure:
+    draw = {each[0]: each[3] for each in figures._FIGURES}[name]
+    assert record.scenario is not None
+    with mpl.rc_context(figures.STYLE):
+        figure = draw(record, record.scenario)
+    assert figure is not None
+    return figure
+
+
+@pytest.mark.parametrize('name', NAMES)
+@pytest.mark.parametrize('mission', ['ecc2009', 'minimal'])
+def test_no_text_overlaps_and_none_is_cut_off(mission: str, name: str) -> None:
+    figure = drawn(name, recorded(mission))
+    canvas = FigureCanvasAgg(figure)
+    with mpl.rc_context(figures.STYLE):
+        canvas.draw()
+    hidden = labels_of_hidden_ticks(figure)
+    boxes: list[tuple[str, Bbox]] = [
+        (text.get_text(), text.get_window_extent(canvas.get_renderer()))
+        for text in figure.findobj(DrawnText)
+        if isinstance(text, DrawnText)
+        and text.get_visible()
+        and text.get_text().strip()
+        and text not in hidden
+    ]
+    assert len(boxes) > 5
+    page = figure.bbox
+    for text, box in boxes:
+        assert page.x0 <= box.x0, text
+        assert box.x1 <= page.x1, text
+        assert page.y0 <= box.y0, text
+        assert box.y1 <= page.y1, text
+    for (text, box), (other_text, other_box) in combinations(boxes, 2):
+        assert not box.overlaps(other_box), (text, other_text)
+
+
+def labels_of_hidden_ticks(figure: Figure) -> set[DrawnText]:
+    """Return the labels of ticks beyond the ends of an axis, which are there but not drawn."""
+    labels: set[DrawnText] = set()
+    for axes in figure.axes:
+        for axis in (axes.xaxis, axes.yaxis):
+            drawn_ticks = axis._update_ticks()  # type: ignore[attr-defined]
+            labels |= {tick.label1 for tick in axis.get_major_ticks() if tick not in drawn_ticks}
+    return labels
+
+
+def test_every_axis_has_a_unit() -> None:
+    for name in NAMES:
+        axes = drawn(name, recorded('ecc2009')).axes[0]
+        labels = [axes.get_xlabel(), axes.get_ylabel()]
+        for label in labels:
+            assert re.search(r'\((m|s|%)\)$', label) or label in ('sortie', '')
+    bar = drawn('survey', recorded('ecc2009')).axes[1]
+    assert bar.get_xlabel() == 'sea temperature (°C)'
+
+
+def test_waits_drawn_are_the_neglect_of_the_summary() -> None:
+    record = recorded('ecc2009')
+    explored_s = record.summary.explored_s
+    assert explored_s is not None
+    for auv, neglect_s in record.summary.neglect_s.items():
+        waits = figures._waits(record, auv, 1e9)
+        drawn_s = sum(
+            max(0.0, min(begin_s + length_s, explored_s) - begin_s) for begin_s, length_s in waits
+        )
+        assert drawn_s == neglect_s
+
+
+def test_coverage_ends_at_all_cells_and_stays_below_the_bound() -> None:
+    lines = drawn('coverage', recorded('ecc2009')).axes[0].get_lines()
+    bound, entered, delivered = (
+        (np.asarray(line.get_xdata()), np.asarray(line.get_ydata())) for line in lines[:3]
+    )
+    assert bound[1][-1] == entered[1][-1] == delivered[1][-1] == 100.0
+    assert bound[0][np.argmax(bound[1] >= 100.0)] == 330.0
+    assert entered[0][np.argmax(entered[1] >= 100.0)] == 457.0
+    for time_s in range(1, 530):
+        at = [line[1][np.searchsorted(line[0], time_s, 'right') - 1] for line in (bound, entered)]
+        assert at[1] <= at[0]
+
+
+def test_bars_of_the_sorties_are_their_durations() -> None:
+    record = recorded('ecc2009')
+    bars = drawn('sorties', record).axes[0].patches
+    heights = [bar.get_height() for bar in bars]  # type: ignore[attr-defined]
+    assert heights == [sortie.duration_s for sortie in record.summary.sorties]
+
+
+def test_line_keeps_to_the_right_of_its_route() -> None:
+    route = [0j, 10 + 0j, 10 + 10j, 10 + 0j, 20 + 0j]  # east, north, back south, east
+    line = figures._keeping_right(route, 1.0)
+    assert line.tolist() == [-1j, 11 - 1j, 11 + 10j, 9 + 10j, 9 - 1j, 20 - 1j]
+    for a, b in pairwise(line):
+        assert abs(a - b) > 0.0
+
+
+def test_vehicle_that_stands_still_has_a_route_of_one_place() -> None:
+    record = recorded('minimal')
+    track = record.tracks['auv_1']
+    assert figures._cell_centres(track, 0.0) == [5 + 5j]
+    assert figures._keeping_right([5 + 5j], 1.0).tolist() == [5 + 5j]
