@@ -396,11 +396,14 @@ def _draw_meetings(
                 )
             )
             axes.plot(where.east_m, where.north_m, '*', ms=11, color=BLACK, mec='white', zorder=7)
+        # On the side away from the UAV, so that it hides neither the contact nor the flight there.
+        is_below = where is not None and where.north_m > place.north_m
         axes.annotate(
             f'{auv_label(meeting.auv)}, {meeting.time_s:g} s',
             (place.east_m, place.north_m),
-            (6, 6),
+            (6, -6) if is_below else (6, 6),
             textcoords='offset points',
+            va='top' if is_below else 'bottom',
             bbox={'boxstyle': 'round,pad=0.15', 'fc': 'white', 'ec': colour, 'lw': 0.8},
             fontsize=9,
             zorder=9,
