@@ -20,6 +20,9 @@ class WorldParams(Params, frozen=True):
     )
     uav: Annotated[str, param('name of the UAV')] = 'uav'
     c3: Annotated[str, param('name of the station')] = 'c3'
+    namespaces: Annotated[
+        tuple[str, ...], param('agents that are not in /<name>, as "auv_1=/north/auv_1"')
+    ] = ()
     c3_east_m: Annotated[float, param('position of the station', unit='m', ge=-1e6, le=1e6)] = 50.0
     c3_north_m: Annotated[float, param('position of the station', unit='m', ge=-1e6, le=1e6)] = 0.0
     range_m: Annotated[float, param('radio range, R', unit='m', ge=0.001, le=1e6)] = 20.0

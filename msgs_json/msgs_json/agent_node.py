@@ -1,0 +1,157 @@
+"""The node that runs an agent: in lockstep with a world node, or in real time."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from typing import Generic
+
+from rclpy.publisher import Publisher
+
+from msgs_json.agent_shell import AgentShell, Frame
+from msgs_json.drivers import DriverPorts
+from msgs_json.guarded_agent import GuardedAgent
+from msgs_json.host_node import HostedNode, ParamsT, message_class
+from msgs_json.lockstep_client import AgentClient
+from msgs_json.messages import Go, Tick
+from msgs_json.refusals import body_decoder
+from msgs_json.ros_messages import (
+    NANOSECONDS,
+    Odometry,
+    RosMessage,
+    odometry_from_cdr,
+    text_from_cdr,
+    to_cdr,
+)
+from msgs_json.topics import (
+    CLOCK,
+    RADIO_RX,
+    WORLD_DONE,
+    WORLD_GO,
+    WORLD_HELLO,
+    WORLD_READY,
+    WORLD_TICK,
+    Topic,
+)
+
+_AGENT_NAME = re.compile('[a-z][a-z0-9_]{0,31}')
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class AgentKind(Generic[ParamsT]):
+    """What distinguishes the nodes of AUV, UAV and C3."""
+
+    node: str
+    namespace: str
+    """Where the node is placed unless the command line says otherwise."""
+    params_type: type[ParamsT]
+    make_agent: Callable[[ParamsT, DriverPorts], AgentShell]
+    tick_s: Callable[[ParamsT], float]
+    """Length of a tick in real time."""
+    publishes: tuple[Topic, ...]
+    """Every topic of the agent's frames."""
+
+
+class AgentNode(HostedNode):
+    """
+    Carries what an agent hears and says; which of the two clocks ticks it, ``use_sim_time`` says.
+
+    True: lockstep, ticks come from the world. False: a timer on the ROS clock ticks the agent,
+    and messages are handed over as they arrive.
+    """
+
+    def __init__(
+        self,
+        kind: AgentKind[ParamsT],
+        namespace: str | None = None,
+    ) -> None:
+        """Create the node, one of several in a process where a namespace is given."""
+        super().__init__(kind.node, namespace or kind.namespace, is_fixed=namespace is not None)
+        self._topic_publishers = {
+            topic.name: self.raw_publisher(topic) for topic in kind.publishes
+        }
+        with self.setup():
+            params = self.params(kind.params_type, name=self.get_namespace().rpartition('/')[2])
+            shell = kind.make_agent(params, _Ports(self))
+            name = shell.agent.name
+            if not _AGENT_NAME.fullmatch(name):
+                raise ValueError(
+                    f'parameter name is {name!r}; it must be like auv_1 (place the node with'
+                    f' --ros-args -r __ns:={kind.namespace})'
+                )
+        self._agent = GuardedAgent(shell, self.log.error)
+        if self.get_parameter('use_sim_time').value:
+            self._join_lockstep()
+        else:
+            self.listen(RADIO_RX, text_from_cdr, self._hear)
+            self.create_timer(kind.tick_s(params), self._tick_now)
+
+    def publish(self, frames: Iterable[Frame]) -> None:
+        """Publish what the agent wants to say and show."""
+        for frame in frames:
+            self._topic_publishers[frame.topic.name].publish(to_cdr(frame.message))
+
+    def close(self) -> None:
+        """Tell what was refused and what failed."""
+        refused = sum(self.refusals.counts.values())
+        failed = self._agent.driver_failures
+        if refused or failed:
+            self.log.warning(f'refused payloads: {refused}, driver failures: {failed}')
+
+    # --- real time -------------------------------------------------------------------------------
+
+    def _tick_now(self) -> None:
+        self.publish(self._agent.tick(self._now_s()))
+
+    def _hear(self, data: bytes) -> None:
+        self.publish(self._agent.receive(data, self._now_s()))
+
+    def _now_s(self) -> float:
+        return self.get_clock().now().nanoseconds / NANOSECONDS
+
+    # --- lockstep --------------------------------------------------------------------------------
+
+    def _join_lockstep(self) -> None:
+        client = AgentClient(self._agent)
+
+        # A tick brings its time with it, and nothing here runs on the node's own clock. To set
+        # that from /clock would cost more than the tick itself.
+        for subscription in list(self.subscriptions):
+            if subscription.msg_type is message_class(CLOCK.ros_type):
+                self.destroy_subscription(subscription)
+
+        def on_tick(message: tuple[str, Tick]) -> None:
+            self.publish(client.tick(message[1]))
+
+        def on_heard(data: bytes) -> None:
+            self.publish(client.hear(data))
+
+        def on_go(message: tuple[str, Go]) -> None:
+            self.publish(client.go(message[1]))
+
+        self.listen(WORLD_TICK, body_decoder(Tick), on_tick)
+        self.listen(RADIO_RX, text_from_cdr, on_heard)
+        # The order matters: the subscription to go and the publisher of hello come last.
+        self.listen(WORLD_GO, body_decoder(Go), on_go)
+        for topic in (WORLD_DONE, WORLD_READY, WORLD_HELLO):
+            self._topic_publishers[topic.name] = self.raw_publisher(topic)
+        self.publish([client.hello()])
+
+
+class _Ports:
+    """The topics of a vehicle's autopilot, for its driver."""
+
+    def __init__(self, node: AgentNode) -> None:
+        self._node = node
+        self._publishers: dict[str, Publisher] = {}
+
+    def publish(self, topic: Topic, message: RosMessage) -> None:
+        """Publish on a topic; its publisher is made for the first message."""
+        if topic.name not in self._publishers:
+            self._publishers[topic.name] = self._node.raw_publisher(topic)
+        self._publishers[topic.name].publish(to_cdr(message))
+
+    def subscribe_odometry(self, topic: Topic, callback: Callable[[Odometry], None]) -> None:
+        """Call back with every odometry message of a topic that is sound."""
+        self._node.listen(topic, odometry_from_cdr, callback)

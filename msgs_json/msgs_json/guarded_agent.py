@@ -1,0 +1,57 @@
+"""An agent whose vehicle may fail: the failure is counted and reported, the agent goes on."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from msgs_json.agent_shell import AgentShell, Frame
+from msgs_json.drivers import DriverError
+
+
+class GuardedAgent:
+    """
+    An `AgentShell` that survives its driver's errors.
+
+    ``report`` gets the first of a row of failures; what the agent wanted to say at that moment is
+    lost, and it decides anew at the next tick.
+    """
+
+    def __init__(self, shell: AgentShell, report: Callable[[str], None]) -> None:
+        self.driver_failures = 0
+        self._shell = shell
+        self._report = report
+        self._is_failing = False
+
+    @property
+    def name(self) -> str:
+        """Return the agent's name."""
+        return self._shell.agent.name
+
+    @property
+    def finished(self) -> bool:
+        """Return whether the agent's part of the mission is over."""
+        return self._shell.agent.finished
+
+    def tick(self, now_s: float) -> list[Frame]:
+        """Tick the agent; nothing comes of it where its vehicle fails."""
+        try:
+            frames = self._shell.tick(now_s)
+        except DriverError as error:
+            self._fail(error)
+            return []
+        self._is_failing = False
+        return frames
+
+    def receive(self, data: bytes, now_s: float) -> list[Frame]:
+        """Hand the agent what came by radio; nothing comes of it where its vehicle fails."""
+        try:
+            return self._shell.receive(data, now_s)
+        except DriverError as error:
+            self._fail(error)
+            return []
+
+    def _fail(self, error: DriverError) -> None:
+        self.driver_failures += 1
+        if not self._is_failing:
+            self._report(f'driver failed ({self.driver_failures} times so far): {error}')
+        self._is_failing = True
