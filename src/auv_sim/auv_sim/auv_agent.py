@@ -202,7 +202,7 @@ class AuvAgent:
             return [acknowledgement]  # repeated by the UAV: it missed our answer
         if self._report is None or self.finished:
             return [self._unexpected('a path')]
-        problem = self._problem_with(leg)
+        problem = self._problem_with(leg, now_s)
         if problem:
             return [Refuse(self._mission.uav, Refusal.CONTRADICTORY, problem)]
         try:
@@ -211,7 +211,11 @@ class AuvAgent:
             return [Refuse(self._mission.uav, Refusal.NOT_POSSIBLE, str(error))]
         return [acknowledgement, *dive]
 
-    def _problem_with(self, leg: Leg) -> str | None:
+    def _problem_with(self, leg: Leg, now_s: float) -> str | None:
+        if not is_before(now_s, leg.surface_deadline_s):  # a late copy; a new one will come
+            return (
+                f'surface deadline must be later than {now_s:g} s, is {leg.surface_deadline_s:g} s'
+            )
         if leg.path[0] != self._cell:
             return f'path must start at {list(self._cell)}, starts at {list(leg.path[0])}'
         return path_problem(leg.path, self._mission.region)

@@ -1,0 +1,191 @@
+"""
+Three kinds of agents over a radio that loses, repeats and delays what is said.
+
+Whatever it does, every sample that an AUV takes arrives at C3, and counts there once.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Iterable
+
+import numpy as np
+import pytest
+
+from auv_sim.auv_params import make_auv
+from auv_sim.kernel import run_mission
+from auv_sim.world_params import make_world
+from c3_station.c3_params import make_c3
+from c3_station.node_params import mission_params
+from c3_station.scenario import Auv, PlannerChoice, Radio, Scenario, Sortie, Uav
+from msgs_json import codec
+from msgs_json.agent_shell import Frame
+from msgs_json.drivers import NoPorts
+from msgs_json.geometry import Cell, GridSpec, Point
+from msgs_json.messages import (
+    Acknowledged,
+    Acknowledgement,
+    CellEntered,
+    Event,
+    MissionCompleted,
+    MissionStatus,
+    SamplesDelivered,
+    SortieReport,
+    StayedUp,
+)
+from msgs_json.randomness import agent_rng
+from msgs_json.ros_messages import Text
+from msgs_json.topics import MISSION_EVENTS, MISSION_STATUS, RADIO_RX
+from uav_planner.uav_params import make_uav
+
+Said = Iterable[tuple[str, bytes]]
+Heard = list[tuple[str, bytes]]
+
+
+DELAY_S = 10.0
+"""The longest delay; the surface margin below covers it, so that no leg ends between two cells."""
+
+
+def said_s(payload: bytes) -> float:
+    return codec.open_envelope(payload).stamp
+
+
+class BadRadio:
+    """
+    A gate that loses, repeats and delays what the channel lets through.
+
+    A late copy comes up to `DELAY_S` after its original, if sender and receiver are in touch then.
+    """
+
+    def __init__(
+        self, gate: Callable[[Said], Heard], seed: int, *, loss: float, repeat: float, late: float
+    ) -> None:
+        self._gate = gate
+        self._rng = agent_rng(seed, 'bad radio')
+        self._loss, self._repeat, self._late = loss, repeat, late
+        self._delayed: list[tuple[str, str, bytes]] = []
+
+    def __call__(self, said: Said) -> Heard:
+        heard: Heard = []
+        for src, payload in said:
+            for dst, _ in self._gate([(src, payload)]):
+                now_s = said_s(payload)
+                self._delayed = [e for e in self._delayed if now_s - said_s(e[2]) <= DELAY_S]
+                in_touch = [each for each in self._delayed if each[:2] == (src, dst)]
+                if in_touch and self._happens(0.5):
+                    self._delayed.remove(in_touch[0])
+                    heard.append((dst, in_touch[0][2]))
+                if self._happens(self._late):
+                    self._delayed.append((src, dst, payload))
+                if not self._happens(self._loss):
+                    heard.append((dst, payload))
+                while self._happens(self._repeat):
+                    heard.append((dst, payload))
+        return heard
+
+    def _happens(self, probability: float) -> bool:
+        return bool(self._rng.random() < probability)
+
+
+def scenario(seed: int) -> Scenario:
+    surfacing = {'model': 'early', 'probability': 0.2}
+    return Scenario(
+        name='storm',
+        description='two AUVs that come up where they like',
+        region=GridSpec(cols=4, rows=4, cell_m=10.0),
+        c3=Point(east_m=20.0, north_m=-30.0),
+        uav=Uav(speed_mps=5.0),
+        auvs=(
+            Auv(name='auv_1', initial_path=((0, 0), (1, 0)), surfacing=surfacing),
+            Auv(name='auv_2', initial_path=((3, 3), (2, 3)), surfacing=surfacing),
+        ),
+        radio=Radio(range_m=12.0),
+        sortie=Sortie(limit_s=60.0, surface_margin_s=DELAY_S),
+        planner=PlannerChoice(name='ecc2009', path_cells=3),
+        seed=seed,
+        max_mission_s=20_000.0,
+    )
+
+
+class Log:
+    """What a mission shows to people, as far as samples are concerned."""
+
+    def __init__(self) -> None:
+        self.entered: dict[tuple[str, int], Cell] = {}
+        self.relayed: dict[tuple[str, int], Cell] = {}
+        self.delivered = 0
+        self.completed: MissionCompleted | None = None
+        self.status: MissionStatus | None = None
+        self.stayed_up: list[str] = []
+
+    def __call__(self, name: str, frame: Frame) -> None:
+        if frame.topic not in (MISSION_EVENTS, MISSION_STATUS, RADIO_RX):
+            return
+        assert isinstance(frame.message, Text)
+        envelope, body = codec.decode(frame.message.data)
+        match body:
+            case MissionStatus():
+                self.status = body
+            case SortieReport():
+                for item in body.samples:
+                    self.relayed[item.auv, item.sample.number] = item.sample.cell
+            case Event():
+                self._event(envelope.src, body)
+
+    def _event(self, src: str, event: Event) -> None:
+        match event:
+            case CellEntered(cell=cell, sample_number=number):
+                assert (src, number) not in self.entered
+                self.entered[src, number] = cell
+            case SamplesDelivered(samples=samples):
+                self.delivered += samples
+            case MissionCompleted():
+                self.completed = event
+            case StayedUp():
+                self.stayed_up.append(src)
+
+
+def fly(seed: int, *, loss: float, repeat: float, late: float) -> Log:
+    params = mission_params(scenario(seed))
+    shells = {'c3': make_c3(params.c3), 'uav': make_uav(params.uav, NoPorts())}
+    shells |= {auv.name: make_auv(auv, NoPorts()) for auv in params.auvs}
+    world = make_world(params.world)
+    gate = BadRadio(world.gate, seed, loss=loss, repeat=repeat, late=late)
+    world.gate = gate  # type: ignore[method-assign]
+    log = Log()
+    run_mission(world, shells, log)
+    return log
+
+
+@pytest.mark.parametrize(
+    ('loss', 'repeat', 'late'),
+    [(0.1, 0.0, 0.0), (0.5, 0.0, 0.0), (0.0, 0.5, 0.0), (0.0, 0.0, 0.3), (0.3, 0.3, 0.1)],
+    ids=['some_loss', 'much_loss', 'repeats', 'late_copies', 'everything'],
+)
+@pytest.mark.parametrize('seed', range(4))
+def test_every_sample_arrives_and_counts_once(
+    seed: int, loss: float, repeat: float, late: float
+) -> None:
+    log = fly(seed, loss=loss, repeat=repeat, late=late)
+    assert log.completed is not None
+    assert log.relayed == log.entered
+    assert log.delivered == log.completed.samples_delivered == len(log.entered)
+    assert log.completed.cells_delivered == 16
+    assert log.status is not None
+    per_auv = Counter(name for name, _ in log.entered)
+    assert {auv.name: auv.samples_delivered for auv in log.status.auvs} == per_auv
+
+
+def test_the_bad_radio_of_this_test_is_bad() -> None:
+    # Else the test above could not fail.
+    order = Acknowledgement(acknowledges=Acknowledged.MISSION_ORDER, reference=0)
+    sent = [
+        ('c3', codec.encode(order, src='c3', dst='uav', seq=number, stamp_s=float(number)))
+        for number in range(200)
+    ]
+    radio = BadRadio(lambda said: [('uav', p) for _, p in said], 1, loss=0.3, repeat=0.3, late=0.1)
+    heard = [codec.open_envelope(payload).seq for _, payload in radio(sent)]
+    times_heard = Counter(heard)
+    assert 20 < sum(times_heard[number] == 0 for number in range(200)) < 80
+    assert max(times_heard.values()) >= 3
+    assert np.any(np.diff(heard) < 0)  # out of order
