@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import shlex
 from base64 import b64encode
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -11,13 +12,16 @@ import jinja2
 import msgspec
 
 from c3_station.bag import find_bag
-from c3_station.figures import auv_label, draw_figures
+from c3_station.figure_style import auv_label
+from c3_station.figures import draw_figures
 from c3_station.mission_record import read_mission
 from c3_station.paper import comparisons, is_reference_mission
 from c3_station.scenario_files import scenario_json, shipped_scenarios
 from c3_station.summary import check_conditions
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
     from c3_station.figures import DrawnFigure
     from c3_station.mission_record import MissionRecord
 
@@ -37,17 +41,15 @@ def write_report(bag: Path, out: Path) -> MissionRecord:
 
     """
     record = read_mission(bag)
+    with _writing(out):
+        (out / 'figures').mkdir(parents=True, exist_ok=True)
     figures = draw_figures(record)
     page = render_report(record, figures, _rebuild(bag, out))
-    try:
-        folder = out / 'figures'
-        folder.mkdir(parents=True, exist_ok=True)
+    with _writing(out):
         for figure in figures:
-            (folder / f'{figure.name}.png').write_bytes(figure.png)
+            (out / 'figures' / f'{figure.name}.png').write_bytes(figure.png)
         (out / 'summary.json').write_bytes(record.summary.to_json())
         (out / 'report.html').write_text(page, encoding='utf-8')
-    except OSError as error:
-        raise ValueError(f'{out}: the report cannot be written: {error.strerror}') from None
     return record
 
 
@@ -81,6 +83,14 @@ def render_report(
             msgspec.json.format(scenario_json(scenario), indent=2).decode() if scenario else None
         ),
     )
+
+
+@contextmanager
+def _writing(out: Path) -> Iterator[None]:
+    try:
+        yield
+    except OSError as error:
+        raise ValueError(f'{out}: the report cannot be written: {error.strerror}') from None
 
 
 def _rebuild(bag: Path, out: Path) -> str:

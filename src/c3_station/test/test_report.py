@@ -20,9 +20,10 @@ from matplotlib.figure import Figure
 from matplotlib.text import Text as DrawnText
 from matplotlib.transforms import Bbox
 
-from c3_station import figures
+from c3_station import map_figures, paper, time_figures
 from c3_station.bag import BagError, BagFacts, BagReader, BagWriter, stamp_ns
-from c3_station.figures import draw_figures
+from c3_station.figure_style import STYLE
+from c3_station.figures import FIGURES, draw_figures
 from c3_station.in_process import fly
 from c3_station.mission_record import MissionRecord, bag_records, gather_mission, read_mission
 from c3_station.paper import PAPER_FIGURES, comparisons, is_reference_mission
@@ -261,7 +262,7 @@ def test_reference_mission_is_known_by_what_is_flown() -> None:
 
 
 def test_paper_is_cited_for_every_figure() -> None:
-    source = Path(figures.__file__).with_name('paper.py').read_text()
+    source = Path(paper.__file__).read_text()
     assert 'European Control Conference 2009' in source.replace('\n', ' ')
     assert all(figure.place for figure in PAPER_FIGURES)
     shares = {each.what: each.value for each in PAPER_FIGURES if each.what.startswith('neglect')}
@@ -290,9 +291,9 @@ def test_comparison_of_the_reference_mission() -> None:
 
 
 def drawn(name: str, record: MissionRecord) -> Figure:
-    draw = {each[0]: each[3] for each in figures._FIGURES}[name]
+    draw = {each[0]: each[3] for each in FIGURES}[name]
     assert record.scenario is not None
-    with mpl.rc_context(figures.STYLE):
+    with mpl.rc_context(STYLE):
         figure = draw(record, record.scenario)
     assert figure is not None
     return figure
@@ -303,7 +304,7 @@ def drawn(name: str, record: MissionRecord) -> Figure:
 def test_no_text_overlaps_and_none_is_cut_off(mission: str, name: str) -> None:
     figure = drawn(name, recorded(mission))
     canvas = FigureCanvasAgg(figure)
-    with mpl.rc_context(figures.STYLE):
+    with mpl.rc_context(STYLE):
         canvas.draw()
     hidden = labels_of_hidden_ticks(figure)
     boxes: list[tuple[str, Bbox]] = [
@@ -350,7 +351,7 @@ def test_waits_drawn_are_the_neglect_of_the_summary() -> None:
     explored_s = record.summary.explored_s
     assert explored_s is not None
     for auv, neglect_s in record.summary.neglect_s.items():
-        waits = figures._waits(record, auv, 1e9)
+        waits = time_figures._waits(record, auv, 1e9)
         drawn_s = sum(
             max(0.0, min(begin_s + length_s, explored_s) - begin_s) for begin_s, length_s in waits
         )
@@ -379,7 +380,7 @@ def test_bars_of_the_sorties_are_their_durations() -> None:
 
 def test_line_keeps_to_the_right_of_its_route() -> None:
     route = [0j, 10 + 0j, 10 + 10j, 10 + 0j, 20 + 0j]  # east, north, back south, east
-    line = figures._keeping_right(route, 1.0)
+    line = map_figures._keeping_right(route, 1.0)
     assert line.tolist() == [-1j, 11 - 1j, 11 + 10j, 9 + 10j, 9 - 1j, 20 - 1j]
     for a, b in pairwise(line):
         assert abs(a - b) > 0.0
@@ -388,5 +389,5 @@ def test_line_keeps_to_the_right_of_its_route() -> None:
 def test_vehicle_that_stands_still_has_a_route_of_one_place() -> None:
     record = recorded('minimal')
     track = record.tracks['auv_1']
-    assert figures._cell_centres(track, 0.0) == [5 + 5j]
-    assert figures._keeping_right([5 + 5j], 1.0).tolist() == [5 + 5j]
+    assert map_figures._cell_centres(track, 0.0) == [5 + 5j]
+    assert map_figures._keeping_right([5 + 5j], 1.0).tolist() == [5 + 5j]
