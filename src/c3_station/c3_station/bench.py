@@ -22,10 +22,11 @@ from c3_station.bag import BagReader
 from c3_station.bare_barrier_node import bare_ticks_per_s
 from c3_station.bench_ties import print_ties
 from c3_station.exit_codes import ExitCode
+from c3_station.flight import Flight
 from c3_station.in_process import fly
 from c3_station.mission_monitor import MissionMonitor
 from c3_station.node_params import UAV
-from c3_station.ros_flight import Flight, fly_on_ros
+from c3_station.ros_flight import fly_on_ros
 from c3_station.run_folder import new_run_folder
 from c3_station.scenario import Scenario
 from c3_station.scenario_files import load_scenario

@@ -6,6 +6,7 @@ from collections.abc import Callable
 from time import monotonic
 
 import rclpy
+from rclpy.context import Context
 from rclpy.signals import SignalHandlerOptions
 
 from c3_station.mission_monitor import MissionMonitor
@@ -28,7 +29,7 @@ class Observer:
 
     def __init__(self, domain_id: int, monitor: MissionMonitor, *, every_tick: bool) -> None:
         self._monitor = monitor
-        self._context = rclpy.Context()
+        self._context = Context()
         rclpy.init(
             context=self._context,
             domain_id=domain_id,

@@ -48,9 +48,7 @@ def fly_in_process(
         wall_s = monotonic() - began_s
         if writer is not None:
             writer.close(
-                BagFacts(
-                    wall_s=wall_s, real_time_factor=monitor.now_s / wall_s, complete=True
-                )
+                BagFacts(wall_s=wall_s, real_time_factor=monitor.now_s / wall_s, complete=True)
             )
     return Flight(first_tick_s=0.0)
 

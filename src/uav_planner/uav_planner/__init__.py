@@ -1,1 +1,1 @@
-"""Route and path planning for the UAV: map, worst-case sorties, planners, the UAV agent and its node."""
+"""Route and path planning for the UAV: map, worst-case sorties, planners, agent and node."""

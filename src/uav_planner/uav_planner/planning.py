@@ -58,7 +58,7 @@ class SurveyLeg:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PlanRequest:
-    """One AUV has been met: which path does it get?"""
+    """The question to a planner: one AUV has been met, which path does it get."""
 
     mission: MissionSpec
     values: NDArray[np.float64]

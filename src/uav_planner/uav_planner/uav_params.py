@@ -40,9 +40,7 @@ class UavParams(Params, frozen=True):
     driver: Annotated[str, param(f'vehicle driver, an entry point of {DRIVERS}')] = 'kinematic'
 
 
-def make_uav(
-    params: UavParams, ports: DriverPorts, planner: Planner | None = None
-) -> AgentShell:
+def make_uav(params: UavParams, ports: DriverPorts, planner: Planner | None = None) -> AgentShell:
     """
     Return the UAV's agent with its driver and its planner, or another one that is given.
 
