@@ -35,13 +35,16 @@ class Envelope(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=
     """What every JSON payload looks like; the body is decoded by its schema's name."""
 
     schema: Annotated[str, msgspec.Meta(min_length=1, max_length=64)]
+    """Name of the message in ``body``."""
     version: Annotated[int, msgspec.Meta(ge=1, le=2**31)]
+    """Version of the schema, 1."""
     src: Annotated[str, msgspec.Meta(min_length=1, max_length=64, description='agent name')]
     dst: Annotated[str, msgspec.Meta(min_length=1, max_length=64, description='agent name or *')]
     seq: Annotated[int, msgspec.Meta(ge=0, le=2**53, description='counted per sender and topic')]
     stamp: Seconds
     """Time of sending, seconds of ROS time."""
     body: msgspec.Raw
+    """The message."""
     auth: Annotated[str, msgspec.Meta(max_length=256)] | None
     """Signature; null until messages are signed."""
 
@@ -54,6 +57,7 @@ class Refusal(enum.Enum):
     UNKNOWN_SCHEMA = 'unknown_schema'
     """A schema or version that the receiver does not take."""
     UNKNOWN_SENDER = 'unknown_sender'
+    """Somebody to whom the receiver does not listen."""
     NOT_ADDRESSED = 'not_addressed'
     """Meant for somebody else."""
     UNEXPECTED = 'unexpected'

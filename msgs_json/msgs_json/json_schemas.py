@@ -15,6 +15,7 @@ import ast
 import inspect
 import json
 import textwrap
+from collections.abc import Iterable
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -26,6 +27,7 @@ from msgs_json.codec import SCHEMA_TYPES, SCHEMA_VERSION, Envelope
 
 SCHEMAS = Path(__file__).parent / 'schemas'
 
+_REFERENCE = '#/$defs/{name}'
 _UNITS = {'_mps': 'm/s', '_m': 'm', '_s': 's'}
 """Suffixes of field names and the unit each stands for."""
 
@@ -39,12 +41,9 @@ _TYPES = {
 
 def json_schema(name: str) -> dict[str, Any]:
     """Return the schema of the payloads that name it in their ``schema`` field."""
-    (_, body), definitions = msgspec.json.schema_components(
-        [Envelope, SCHEMA_TYPES[name]], ref_template='#/$defs/{name}'
-    )
-    for title, definition in definitions.items():
-        _annotate(definition, _TYPES[title])
-    envelope: dict[str, Any] = definitions.pop(Envelope.__name__)
+    definitions = annotated_definitions([Envelope, SCHEMA_TYPES[name]])
+    envelope = definitions.pop(Envelope.__name__)
+    (body,), _ = msgspec.json.schema_components([SCHEMA_TYPES[name]], ref_template=_REFERENCE)
     envelope['properties'] |= {
         'schema': {'const': name},
         'version': {'type': 'integer', 'const': SCHEMA_VERSION},
@@ -55,6 +54,14 @@ def json_schema(name: str) -> dict[str, Any]:
         '$id': f'urn:shearwater:{name}:{SCHEMA_VERSION}',
     }
     return head | envelope | {'title': name, '$defs': definitions}
+
+
+def annotated_definitions(types: Iterable[object]) -> dict[str, dict[str, Any]]:
+    """Return the schemas of all structs and enums in some types, by name, with units and docs."""
+    _, definitions = msgspec.json.schema_components(types, ref_template=_REFERENCE)
+    for name, definition in definitions.items():
+        _annotate(definition, _TYPES[name])
+    return definitions
 
 
 def json_schema_text(name: str) -> str:

@@ -113,6 +113,7 @@ class SurfacingReport(Message, frozen=True):
     cell: Cell
     """The last cell entered, ``path[moves_done]``; the next path starts there."""
     position: Point
+    """Where it lies; between two cells, where its time was up on the way."""
     surfaced_s: Seconds
     samples: tuple[Sample, ...]
     """All that nobody has acknowledged yet, one per cell entered, in order."""
@@ -210,6 +211,7 @@ class MissionState(enum.Enum):
     STARTING = 'starting'
     """The UAV has not acknowledged its order."""
     SURVEYING = 'surveying'
+    """There are cells of which no sample has been delivered."""
     RECOVERING = 'recovering'
     """The whole region is delivered; AUVs are still out."""
     COMPLETED = 'completed'
@@ -318,10 +320,13 @@ class SortieDeparted(Event, frozen=True):
 
     sortie: Count
     limit_s: Seconds
+    """L."""
     predicted_s: Seconds
+    """The planner's own figure for the sortie."""
     worst_case_s: Seconds
     """The whole route from this departure, waits included."""
     order: tuple[Name, ...]
+    """The AUVs to meet, one after another."""
 
 
 class Met(Event, frozen=True):
@@ -337,7 +342,9 @@ class Met(Event, frozen=True):
     slack_s: float | None
     """lambda, before the choice; None where no path was planned."""
     sortie_time_s: float | None
+    """T_j, the planner's own figure for the next sortie with this path."""
     plan_status: str | None
+    """``ok``, ``shortened`` (less than q moves) or ``infeasible`` (the limit is not kept)."""
 
 
 class Missed(Event, frozen=True):
