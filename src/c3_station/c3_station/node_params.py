@@ -49,6 +49,7 @@ def mission_params(scenario: Scenario) -> MissionParams:
             home_north_m=scenario.c3.north_m,
             speed_mps=scenario.uav.speed_mps,
             altitude_m=scenario.uav.altitude_m,
+            arrival_radius_m=scenario.uav.arrival_radius_m,
             tick_s=scenario.tick_s,
             planner=scenario.planner.name,
             planner_options=msgspec.json.encode(scenario.planner.options).decode(),

@@ -32,6 +32,8 @@ class Uav(Section, frozen=True, kw_only=True):
 
     speed_mps: Annotated[float, msgspec.Meta(ge=0.01, le=1000)]
     altitude_m: Annotated[float, msgspec.Meta(ge=0, le=20_000)] = 30.0
+    arrival_radius_m: Annotated[float, msgspec.Meta(ge=0, le=1000)] = 0.0
+    """Closer than this to a waypoint counts as there; real vehicles need some metres."""
     driver: str = 'kinematic'
 
 
