@@ -231,7 +231,7 @@ def has_broken_leg(node: object) -> bool:
 
 
 @given(altered_payloads())
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=300)
 def test_types_and_schemas_agree(payload: dict[str, Any]) -> None:
     is_accepted = refusal_of(json.dumps(payload).encode()) is None
     by_schema = validator(payload['schema'], strict_integers=True).is_valid(payload)
@@ -317,7 +317,7 @@ def test_round_trip(name: str) -> None:
     )
 
     @given(values(inspect.type_info(SCHEMA_TYPES[name])), envelopes)
-    @settings(max_examples=20, deadline=None)
+    @settings(max_examples=20)
     def check(body: Message, sent: dict[str, Any]) -> None:
         data = codec.encode(body, schema=name, **sent)
         envelope, received = codec.decode(data)
@@ -346,7 +346,6 @@ def refusal_of(data: bytes) -> MessageError | None:
 
 
 @given(st.binary(max_size=200))
-@settings(deadline=None)
 def test_noise_is_refused(data: bytes) -> None:
     refused = refusal_of(data)
     assert refused is not None
@@ -362,7 +361,7 @@ def damaged_payloads(draw: st.DrawFn) -> bytes:
 
 
 @given(damaged_payloads())
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=300)
 def test_damage_is_refused_or_harmless(data: bytes) -> None:
     refusal_of(data)  # raises nothing else
 

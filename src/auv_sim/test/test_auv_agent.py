@@ -5,7 +5,7 @@ from collections.abc import Callable, Sequence
 import hypothesis.strategies as st
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 
 from auv_sim.auv_agent import AuvAgent, AuvMission
 from auv_sim.drivers.kinematic import KinematicAuv
@@ -403,7 +403,6 @@ FOLLOW_ON = st.just('follow on')
 
 
 @given(st.lists(PASS_TIME | FOLLOW_ON | orders, max_size=30), st.integers(0, 5))
-@settings(deadline=None)
 def test_whatever_it_hears_no_sample_is_lost_or_said_twice_after_custody(
     inputs: list[int | str | Message], seed: int
 ) -> None:

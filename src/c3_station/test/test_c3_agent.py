@@ -3,7 +3,7 @@ from __future__ import annotations
 import hypothesis.strategies as st
 import msgspec
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 
 from c3_station.c3_agent import C3Agent
 from c3_station.scenario import Auv, PlannerChoice, Radio, Scenario, Sortie, Uav
@@ -318,7 +318,6 @@ answers = st.builds(
 
 
 @given(st.lists(st.none() | reports | answers, max_size=20))
-@settings(deadline=None)
 def test_whatever_it_hears_it_counts_what_it_acknowledged_once(
     inputs: list[Message | None],
 ) -> None:

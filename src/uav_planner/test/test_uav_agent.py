@@ -720,7 +720,7 @@ heard = st.one_of(honest.map(lambda each: (each.auv, each)), st.tuples(peers, wo
 
 
 @given(st.lists(st.integers(1, 20) | heard, max_size=40), st.booleans())
-@settings(deadline=None, max_examples=200)
+@settings(max_examples=200)
 def test_whatever_it_hears_what_it_took_custody_of_reaches_c3_once(
     inputs: list[int | tuple[str, Message]], meets_out_of_turn: bool
 ) -> None:
