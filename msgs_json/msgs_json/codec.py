@@ -65,7 +65,7 @@ class Refusal(enum.Enum):
     CONTRADICTORY = 'contradictory'
     """Understood, but it does not fit what the receiver knows."""
     NOT_POSSIBLE = 'not_possible'
-    """Understood, but the vehicle cannot do it."""
+    """Understood, but the vehicle or its planner cannot do it."""
 
 
 class MessageError(ValueError):

@@ -32,7 +32,9 @@ from msgs_json.messages import (
 )
 from msgs_json.ros_messages import Odometry, TrackPath
 from msgs_json.topics import ODOM, ROUTE
+from uav_planner.candidate_paths import MOVES_MAX
 from uav_planner.drivers.kinematic import make_driver
+from uav_planner.planners.ecc2009 import Ecc2009Planner
 from uav_planner.planning import (
     MissionSpec,
     Planner,
@@ -269,6 +271,17 @@ def test_an_order_that_is_no_mission_is_refused_and_a_good_one_still_taken(
     bench.tick()
     assert refused(bench.hear('c3', order(**changes))) == ('c3', Refusal.CONTRADICTORY)
     assert bench.agent.peers == {'c3'}
+    assert bench.hear('c3', order()) == [ORDER_TAKEN]
+
+
+@pytest.mark.parametrize('path_cells', [MOVES_MAX + 1, 10_000])
+def test_an_order_that_its_planner_cannot_plan_is_refused_before_it_flies(path_cells: int) -> None:
+    bench = Bench(Ecc2009Planner())
+    bench.tick()
+    too_long = order(path_cells=path_cells)
+    assert refused(bench.hear('c3', too_long)) == ('c3', Refusal.NOT_POSSIBLE)
+    assert bench.agent.peers == {'c3'}
+    assert len(bench.tick(100)) == 100  # it stays at home: odometry only
     assert bench.hear('c3', order()) == [ORDER_TAKEN]
 
 

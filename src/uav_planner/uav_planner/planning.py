@@ -128,5 +128,13 @@ class Planner(Protocol):
     def plan_sortie(
         self, mission: MissionSpec, legs: tuple[SurveyLeg, ...], now_s: float
     ) -> SortiePlan:
-        """Lay the route of the next sortie and choose its departure, at or after ``now_s``."""
+        """
+        Lay the route of the next sortie and choose its departure, at or after ``now_s``.
+
+        Raises
+        ------
+        ValueError
+            The planner cannot plan this mission; it then says so for its first sortie.
+
+        """
         ...

@@ -184,7 +184,7 @@ class UavAgent:
         problem = _problem_with_order(order)
         if problem:
             return [Refuse(self._setup.c3, Refusal.CONTRADICTORY, problem)]
-        self._mission = MissionSpec(
+        mission = MissionSpec(
             grid=order.region,
             c3=order.c3,
             radio_range_m=order.radio_range_m,
@@ -194,13 +194,18 @@ class UavAgent:
             path_cells=order.path_cells,
             min_path_cells=order.min_path_cells,
         )
-        self._surface_margin_s = order.surface_margin_s
         self._auvs = {auv.name: _Auv(speed_mps=auv.speed_mps, leg=auv.leg) for auv in order.auvs}
+        try:
+            self._plan_sortie(mission)
+        except ValueError as error:
+            self._auvs = {}
+            return [Refuse(self._setup.c3, Refusal.NOT_POSSIBLE, str(error))]
+        self._mission = mission
+        self._surface_margin_s = order.surface_margin_s
         self.peers = frozenset({self._setup.c3, *self._auvs})
         self._map = ExplorationMap(order.region, [auv.leg.path[0] for auv in order.auvs])
         for auv in order.auvs:
             self._map.assign(auv.leg.path)
-        self._plan_sortie(self._mission)
         return [acknowledgement]
 
     # --- the sortie ------------------------------------------------------------------------------

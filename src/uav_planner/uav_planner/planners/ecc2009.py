@@ -117,7 +117,16 @@ class Ecc2009Planner:
     def plan_sortie(
         self, mission: MissionSpec, legs: tuple[SurveyLeg, ...], now_s: float
     ) -> SortiePlan:
-        """Lay the route (Section III.A); leave so as to reach the first waypoint at `S_1`."""
+        """
+        Lay the route (Section III.A); leave so as to reach the first waypoint at `S_1`.
+
+        Raises
+        ------
+        ValueError
+            The mission's paths are longer than `WalkTable` can hold.
+
+        """
+        walk_table(mission.path_cells, self._tie_order)  # made on the ground, not at a meeting
         route = lay_route(mission, legs)
         depart_s = punctual_departure_s(mission, route, now_s)
         return SortiePlan(
