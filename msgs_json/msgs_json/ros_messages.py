@@ -126,6 +126,11 @@ def nanoseconds(time_s: float) -> int:
     return round(time_s * NANOSECONDS)
 
 
+def prepare(ros_type: str) -> None:
+    """Make the code for a message type now (some 10 ms), not when the first one is sent."""
+    _store.get_msgdef(ros_type)
+
+
 def to_cdr(message: RosMessage) -> bytes:
     """Return the little-endian CDR bytes of a message, encapsulation header included."""
     match message:
@@ -155,7 +160,12 @@ _LITTLE_ENDIAN = b'\x00\x01\x00\x00'
 
 
 def _text_cdr(text: Text) -> bytes:
-    return _LITTLE_ENDIAN + struct.pack('<I', len(text.data) + 1) + text.data + b'\0'
+    return _padded(_LITTLE_ENDIAN + struct.pack('<I', len(text.data) + 1) + text.data + b'\0')
+
+
+def _padded(cdr: bytes) -> bytes:
+    """Return the bytes as DDS delivers them: a multiple of 4, so that any two runs are equal."""
+    return cdr + bytes(-len(cdr) % 4)
 
 
 def text_from_cdr(cdr: bytes) -> bytes:
@@ -268,7 +278,7 @@ def odometry_from_cdr(cdr: bytes) -> Odometry:
         (speed_mps,) = struct.unpack_from('<d', cdr, pose + (7 + 36) * 8)
     except (struct.error, UnicodeDecodeError) as error:
         raise ValueError(f'not a serialized nav_msgs/msg/Odometry: {error}') from None
-    if not all(math.isfinite(x) for x in (east_m, north_m, z_m, *quaternion, speed_mps)):
+    if not all(map(math.isfinite, (east_m, north_m, z_m, *quaternion, speed_mps))):
         raise ValueError('odometry holds a number that is not finite')
     return Odometry(
         stamp_s=seconds + fraction / NANOSECONDS,
@@ -290,7 +300,7 @@ def _new(ros_type: str, *values: Any) -> Any:  # noqa: ANN401  message classes a
 
 
 def _serialize(ros_type: str, message: Any) -> bytes:  # noqa: ANN401
-    return bytes(_store.serialize_cdr(message, ros_type))
+    return _padded(bytes(_store.serialize_cdr(message, ros_type)))
 
 
 def _time(time_s: float) -> Any:  # noqa: ANN401

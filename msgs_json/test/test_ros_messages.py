@@ -99,7 +99,8 @@ def read(ros_type: str, message: RosMessage) -> Any:  # noqa: ANN401  ROS enters
 @each_case
 def test_bytes_are_those_of_the_typestore(ros_type: str, message: RosMessage) -> None:
     cdr = to_cdr(message)
-    assert bytes(STORE.serialize_cdr(read(ros_type, message), ros_type)) == cdr
+    plain = bytes(STORE.serialize_cdr(read(ros_type, message), ros_type))
+    assert plain + bytes(-len(plain) % 4) == cdr  # DDS delivers whole words
 
 
 @each_case

@@ -1,0 +1,85 @@
+"""
+Two ways to run a mission, one mission: every message on every topic is the same, byte for byte.
+
+Within one tick different nodes may log in any order; there is no order between publishers in ROS.
+So the log is compared sorted; every other topic has one publisher and is compared as recorded.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from c3_station.bag import BagReader
+from c3_station.cli import main
+from c3_station.exit_codes import ExitCode
+from msgs_json.topics import MISSION_EVENTS
+
+UNCERTAIN = """
+name: uncertain
+description: two AUVs that come up early on half of their legs, and a tick that is no whole second
+region: {cols: 6, rows: 5, cell_m: 8.0}
+c3: {east_m: -5.0, north_m: 3.0}
+uav: {speed_mps: 7.0}
+auvs:
+  - name: auv_1
+    initial_path: [[0, 0], [0, 1]]
+    surfacing: {model: early, probability: 0.5}
+  - name: auv_2
+    initial_path: [[5, 4], [5, 3]]
+    speed_mps: 1.3
+    surfacing: {model: early, probability: 0.5}
+radio: {range_m: 15.0}
+sortie: {limit_s: 45.0, surface_margin_s: 2.0}
+planner: {name: ecc2009, path_cells: 5, min_path_cells: 2}
+tick_s: 0.5
+seed: 11
+max_mission_s: 1500
+"""
+
+
+def recorded(bag: Path) -> dict[str, list[tuple[int, bytes]]]:
+    """Return time and bytes of every message, by topic."""
+    topics: dict[str, list[tuple[int, bytes]]] = {}
+    with BagReader(bag) as reader:
+        for message in reader.messages():
+            topics.setdefault(message.topic, []).append((message.log_time_ns, message.cdr))
+    topics[MISSION_EVENTS.name].sort()
+    return topics
+
+
+def flown(scenario: str, out: Path, *options: str) -> dict[str, list[tuple[int, bytes]]]:
+    code = main(['run', scenario, '--out', str(out), *options])
+    assert code in (ExitCode.OK, ExitCode.FAILED)  # what it came to is not the question here
+    return recorded(out / 'bag')
+
+
+@pytest.mark.ros
+@pytest.mark.parametrize('name', ['ecc2009', 'uncertain'])
+def test_nodes_and_one_process_fly_the_same_mission(tmp_path: Path, name: str) -> None:
+    scenario = name
+    if name == 'uncertain':
+        (tmp_path / 'uncertain.yaml').write_text(UNCERTAIN)
+        scenario = str(tmp_path / 'uncertain.yaml')
+    alone = flown(scenario, tmp_path / 'alone', '--no-ros')
+    nodes = flown(scenario, tmp_path / 'nodes', '--rate', 'max')
+    assert alone.keys() == nodes.keys()
+    assert sum(map(len, alone.values())) > 2000
+    for topic, messages in alone.items():
+        assert messages == nodes[topic], topic
+
+
+def test_the_same_run_twice_is_the_same(tmp_path: Path) -> None:
+    (tmp_path / 'uncertain.yaml').write_text(UNCERTAIN)
+    scenario = str(tmp_path / 'uncertain.yaml')
+    first = flown(scenario, tmp_path / 'first', '--no-ros')
+    assert first == flown(scenario, tmp_path / 'second', '--no-ros')
+
+
+def test_another_seed_is_another_mission(tmp_path: Path) -> None:
+    (tmp_path / 'uncertain.yaml').write_text(UNCERTAIN)
+    scenario = str(tmp_path / 'uncertain.yaml')
+    first = flown(scenario, tmp_path / 'first', '--no-ros')
+    other = flown(scenario, tmp_path / 'other', '--no-ros', '--seed', '12')
+    assert first['/auv_1/odom'] != other['/auv_1/odom']
