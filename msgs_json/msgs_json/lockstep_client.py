@@ -31,6 +31,8 @@ class AgentClient:
     def __init__(self, agent: GuardedAgent) -> None:
         self._agent = agent
         self._speaker = Speaker(agent.name)
+        self._nodes: frozenset[str] = frozenset()
+        """Everybody in this world."""
         self._tick: Tick | None = None
         self._received = 0
         self._sent = 0
@@ -50,6 +52,7 @@ class AgentClient:
             The world does not know this agent.
 
         """
+        self._nodes = frozenset(go.nodes)
         return [_ready(self._speaker, self._agent.name, go)]
 
     def tick(self, tick: Tick) -> list[Frame]:
@@ -84,17 +87,20 @@ class AgentClient:
         """
         Return whether the world can have delivered this.
 
-        It delivers sound envelopes to their addressee; anything else, which somebody else put on
-        the topic, must not count in the barrier.
+        It delivers sound messages from its nodes to their addressee; anything else, which somebody
+        else put on the topic, must not count in the barrier.
         """
         try:
-            return codec.open_envelope(data).dst == self._agent.name
+            envelope, _ = codec.decode(data)
         except MessageError:
             return False
+        return envelope.dst == self._agent.name and envelope.src in self._nodes
 
     def _counted(self, frames: list[Frame]) -> list[Frame]:
-        self._published += len(frames)
-        self._sent += sum(frame.topic is RADIO_TX for frame in frames)
+        for frame in frames:
+            self._published += 1
+            if frame.topic is RADIO_TX:
+                self._sent += 1
         return frames
 
     def _done(self, tick: Tick) -> Frame:

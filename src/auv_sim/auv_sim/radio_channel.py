@@ -117,6 +117,10 @@ class RadioChannel:
             return BlockReason.UNKNOWN_SENDER
         if too_long:
             return BlockReason.SIZE
+        try:
+            codec.open_body(envelope)
+        except MessageError:
+            return BlockReason.MALFORMED
         if source.z_m < 0 or target.z_m < 0:
             return BlockReason.SUBMERGED
         if source.position is None or target.position is None:

@@ -131,10 +131,11 @@ def test_what_is_no_envelope_is_malformed(payload: bytes, expected: BlockReason)
     assert bench.say('auv_1', bench.payload('auv_1', 'uav')) is None
 
 
-def test_a_body_is_its_receivers_business() -> None:
+def test_a_body_that_is_not_sound_is_heard_by_nobody_but_counts_as_said() -> None:
     bench = Bench()
     payload = bench.payload('auv_1', 'uav').replace(b'MissionOrder', b'Nonsense')
-    assert bench.say('auv_1', payload) is None
+    assert bench.say('auv_1', payload) is BlockReason.MALFORMED
+    assert bench.say('auv_1', bench.payload('auv_1', 'uav')) is None
 
 
 def test_who_speaks_in_another_name_is_unknown() -> None:

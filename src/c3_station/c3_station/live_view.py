@@ -56,6 +56,8 @@ class LiveView:
             ('    real time ', 'dim'),
             f'x {self.real_time_factor:,.1f}',
         )
+        if mission.domain_id is not None:
+            text.append(f'    ROS_DOMAIN_ID={mission.domain_id}', style='dim')
         if mission.refused:
             text.append(f'    refused messages {mission.refused}', style='bold #D55E00')
         return text

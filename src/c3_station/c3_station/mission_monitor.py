@@ -73,6 +73,8 @@ class MissionMonitor:
         self.now_s = 0.0
         self.ticking = False
         """Whether the mission has begun."""
+        self.domain_id: int | None = None
+        """The ROS domain of the mission's graph, for whoever wants to look at it."""
         self.uav_name = uav
         self.uav_position = scenario.c3
         self.auvs = {

@@ -42,7 +42,8 @@ def fly_on_ros(
     ``refresh`` is called several times a second, after the monitor was brought up to date.
     """
     with domain_id() as domain:
-        os.environ.update(_graph_environment(domain, folder.logs))
+        os.environ.update(graph_environment(domain, folder.logs))
+        monitor.domain_id = domain
         nodes = mission_nodes(scenario, bag=bag)
         write_params(
             scenario,
@@ -137,7 +138,8 @@ def _start(node: NodeSpec, folder: RunFolder) -> NodeProcess:
     return NodeProcess(node.name, command, os.environ, folder.logs / f'{node.name}.log')
 
 
-def _graph_environment(domain: int, logs: Path) -> dict[str, str]:
+def graph_environment(domain: int, logs: Path) -> dict[str, str]:
+    """Return the variables that put nodes on a graph of their own, on loopback."""
     return {
         'ROS_DOMAIN_ID': str(domain),
         'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST',

@@ -166,7 +166,11 @@ class Ecc2009Planner:
 
 
 def make_ecc2009(*, tie_order: str = DOCUMENTED_TIE_ORDER.name) -> Ecc2009Planner:
-    """Return the planner with options as in scenario files (`TieOrder.named`)."""
+    """
+    Plan as ECC 2009 does, by Algorithm 1; its promise about L fails where AUVs surface early.
+
+    Options are as in scenario files: ``tie_order``, see `TieOrder.named`.
+    """
     return Ecc2009Planner(tie_order=TieOrder.named(tie_order))
 
 
