@@ -17,7 +17,7 @@ from rclpy.publisher import Publisher
 from c3_station.graph import write_params
 from c3_station.mission_record import read_mission
 from c3_station.processes import executable
-from c3_station.ros_flight import graph_environment
+from c3_station.ros_environment import graph_environment
 from c3_station.scenario_files import load_scenario
 from c3_station.summary import Summary
 from msgs_json import codec

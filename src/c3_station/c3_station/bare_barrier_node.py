@@ -10,10 +10,15 @@ cost of a mission's tick by the cost of one of these.
 
 from __future__ import annotations
 
-import subprocess
+import os
 import sys
-from functools import partial
+from pathlib import Path
+from tempfile import TemporaryDirectory
 
+from domain_coordinator import domain_id
+
+from c3_station.processes import NodeProcess, stop_all
+from c3_station.ros_environment import graph_environment
 from msgs_json.geometry import Point
 from msgs_json.host_node import STEADY_CLOCK, HostedNode, run
 from msgs_json.node_exit import NodeExit
@@ -32,6 +37,7 @@ RECORDER_TICKS = 40
 
 _WARM_UP_TICKS = 50
 _RESEND_S = 0.5
+_TIMEOUT_S = 120.0
 _CONDUCTOR = 'conductor'
 _STATION = 'station'
 _RECORDER = 'recorder'
@@ -138,30 +144,35 @@ class Recorder(Answerer):
 
 
 def bare_ticks_per_s(vehicles: int, ticks: int) -> float:
-    """Return the ticks per second of a bare barrier; starts its processes and ends them."""
-    start = partial(_start, vehicles=vehicles, ticks=ticks)
-    others = [start(name) for name in (*_vehicles(vehicles), _STATION, _RECORDER)]
-    try:
-        conductor = start(_CONDUCTOR, stdout=subprocess.PIPE)
-        output, _ = conductor.communicate()
-        return float(output)
-    finally:
-        for process in others:
-            process.terminate()
-        for process in others:
-            process.wait()
+    """
+    Return the ticks per second of a bare barrier, on a graph of its own.
+
+    Raises
+    ------
+    RuntimeError
+        It did not come to its end.
+
+    """
+    names = (*_vehicles(vehicles), _STATION, _RECORDER, _CONDUCTOR)
+    with TemporaryDirectory() as logs, domain_id() as domain:
+        environment = os.environ | graph_environment(domain, Path(logs))
+        processes = []
+        try:
+            for name in names:
+                words = [sys.executable, '-m', 'c3_station.bare_barrier_node', name]
+                log = Path(logs) / f'{name}.log'
+                command = [*words, str(vehicles), str(ticks)]
+                processes.append(NodeProcess(name, command, environment, log))
+            conductor = processes[-1]
+            if conductor.wait(_TIMEOUT_S) != 0:
+                raise RuntimeError(f'the bare barrier ended with {conductor.last_lines(3)}')
+            return float(conductor.last_lines(1)[0])
+        finally:
+            stop_all(processes)
 
 
 def _vehicles(count: int) -> list[str]:
     return [f'vehicle_{number}' for number in range(1, count + 1)]
-
-
-def _start(
-    name: str, *, vehicles: int, ticks: int, stdout: int | None = None
-) -> subprocess.Popen[bytes]:
-    arguments = [name, str(vehicles), str(ticks)]
-    command = [sys.executable, '-m', 'c3_station.bare_barrier_node', *arguments]
-    return subprocess.Popen(command, stdout=stdout)
 
 
 def _node(name: str, vehicles: int, ticks: int) -> HostedNode:

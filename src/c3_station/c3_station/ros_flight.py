@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable
-from importlib.resources import files
-from pathlib import Path
 from time import monotonic
 
 from domain_coordinator import domain_id
@@ -16,6 +14,7 @@ from c3_station.graph import RECORDER, NodeSpec, mission_nodes, write_params
 from c3_station.mission_monitor import MissionMonitor
 from c3_station.observer_node import Observer
 from c3_station.processes import NodeProcess, executable, how_it_ended, stop_all
+from c3_station.ros_environment import graph_environment
 from c3_station.run_folder import RunFolder
 from c3_station.scenario import Scenario
 
@@ -136,16 +135,3 @@ def _start(node: NodeSpec, folder: RunFolder) -> NodeProcess:
         str(folder.params),
     ]
     return NodeProcess(node.name, command, os.environ, folder.logs / f'{node.name}.log')
-
-
-def graph_environment(domain: int, logs: Path) -> dict[str, str]:
-    """Return the variables that put nodes on a graph of their own, on loopback."""
-    return {
-        'ROS_DOMAIN_ID': str(domain),
-        'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST',
-        'ROS_LOG_DIR': str(logs.resolve() / 'ros'),
-        # Nothing to clean up in shared memory when a node is killed, and just as fast.
-        'FASTDDS_BUILTIN_TRANSPORTS': 'UDPv4',
-        # Peers find each other within a second, and notice within five that one is gone.
-        'FASTRTPS_DEFAULT_PROFILES_FILE': str(files('c3_station') / 'fastdds_profile.xml'),
-    }
