@@ -111,18 +111,15 @@ class WorldNode(HostedNode):
     def _go_on(self, output: list[Addressed]) -> None:
         self._publish(output)
         phase = self._conductor.phase
-        if phase is Phase.WORKING:
-            return
-        match phase:
-            case Phase.RESTING if self._is_due:
-                self._is_due = not self._is_paced
-                self._publish(self._conductor.begin_tick())
-            case Phase.ENDED if not self._is_over:
-                self._is_over = True
-                code = self._conductor.exit_code
-                say = self.log.info if code is NodeExit.OK else self.log.error
-                say(f'mission over at {self._world.now_s:g} s: {self._conductor.verdict}')
-                self.on_end(code)
+        if phase is Phase.RESTING and self._is_due:
+            self._is_due = not self._is_paced
+            self._publish(self._conductor.begin_tick())
+        elif phase is Phase.ENDED and not self._is_over:
+            self._is_over = True
+            code = self._conductor.exit_code
+            say = self.log.info if code is NodeExit.OK else self.log.error
+            say(f'mission over at {self._world.now_s:g} s: {self._conductor.verdict}')
+            self.on_end(code)
 
     def _publish(self, output: list[Addressed]) -> None:
         for name, frame in output:

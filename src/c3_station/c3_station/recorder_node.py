@@ -58,7 +58,8 @@ class RecorderNode(HostedNode):
         for recorded in topics:
             owner = recorded.name.split('/')[1]
             namespace = namespaces.get(owner, f'/{owner}')
-            self.listen(recorded.topic, bytes, partial(self._store, recorded), namespace)
+            take = self._store if recorded.topic in _UNCOUNTED else self._store_counted
+            self.listen(recorded.topic, bytes, partial(take, recorded), namespace)
         self.listen(WORLD_TICK, body_decoder(Tick), self._tick)
         self._topic_publishers = {
             topic.name: self.raw_publisher(topic) for topic in (WORLD_DONE, WORLD_READY)
@@ -87,8 +88,10 @@ class RecorderNode(HostedNode):
 
     def _store(self, recorded: RecordedTopic, cdr: bytes) -> None:
         self._arrived.append((recorded, cdr))
-        if recorded.topic not in _UNCOUNTED:
-            self._answer(self._client.store())
+
+    def _store_counted(self, recorded: RecordedTopic, cdr: bytes) -> None:
+        self._arrived.append((recorded, cdr))
+        self._answer(self._client.store())
 
     def _answer(self, frames: list[Frame]) -> None:
         if frames:
