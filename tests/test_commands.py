@@ -59,6 +59,17 @@ def test_report_makes_the_same_again_from_the_bag_alone(tiny: Path, tmp_path: Pa
     assert (again / 'report.html').exists()
 
 
+def test_without_a_bag_the_figures_are_the_same(tiny: Path, tmp_path: Path) -> None:
+    run('run', tiny, '--no-ros', '--out', tmp_path / 'with')
+    run('run', tiny, '--no-ros', '--no-bag', '--out', tmp_path / 'without')
+    figures = [
+        json.loads((tmp_path / name / 'summary.json').read_text()) for name in ('with', 'without')
+    ]
+    for each in figures:
+        del each['wall_s'], each['real_time_factor']  # only a bag remembers them
+    assert figures[0] == figures[1]
+
+
 def test_exit_code_tells_a_failed_pass_condition(
     tiny: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

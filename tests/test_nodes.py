@@ -158,9 +158,7 @@ def listener(domain: int) -> Iterator[Listener]:
 def params(tmp_path: Path) -> Path:
     """Return the parameter file of the reference mission, as fast as possible."""
     path = tmp_path / 'params.yaml'
-    write_params(
-        load_scenario('ecc2009'), path, rate=0.0, bag=tmp_path / 'bag', reply_timeout_s=10.0
-    )
+    write_params(load_scenario('ecc2009'), path, rate=0.0, bag=tmp_path / 'bag')
     return path
 
 
@@ -276,9 +274,7 @@ def test_nodes_may_live_in_other_namespaces(start: Start, params: Path, tmp_path
 
 def test_a_fleet_flies_in_one_process(start: Start, tmp_path: Path) -> None:
     params = tmp_path / 'params.yaml'
-    write_params(
-        load_scenario('ecc2009'), params, rate=0.0, bag=tmp_path / 'bag', reply_timeout_s=10.0
-    )
+    write_params(load_scenario('ecc2009'), params, rate=0.0, bag=tmp_path / 'bag')
     # The default fleet is auv_1, auv_2 and auv_3, each with its own section of the file.
     fleet = start('auv_sim', 'fleet', '-r', '__ns:=/fleet_1', '--params-file', params)
     nodes = mission(start, params, ['recorder', 'world', 'c3', 'uav'])

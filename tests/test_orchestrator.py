@@ -109,6 +109,20 @@ def test_an_interrupt_ends_everything_and_leaves_a_readable_bag(
     assert summary['stopped'] == 'interrupted'
 
 
+def test_an_interrupt_at_once_ends_everything_too(tmp_path: Path, runs: list[Run]) -> None:
+    run = Run(tmp_path / 'run')
+    runs.append(run)
+    deadline_s = time.monotonic() + START_S
+    while not run.nodes() and time.monotonic() < deadline_s:
+        time.sleep(0.01)
+    run.process.send_signal(signal.SIGINT)
+    code, output = run.end()
+    assert code == ExitCode.INTERRUPTED, output
+    assert 'Traceback' not in output
+    assert run.nodes() == {}
+    assert (run.out / 'summary.json').exists()
+
+
 @pytest.mark.parametrize('victim', ['auv_2', 'uav', 'c3'])
 def test_a_node_that_is_killed_is_named_and_the_bag_stays_readable(
     tmp_path: Path, runs: list[Run], victim: str

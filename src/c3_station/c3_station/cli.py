@@ -175,9 +175,7 @@ def _check(options: argparse.Namespace, console: Console) -> ExitCode:
         highlight=False,
     )
     if options.params is not None:
-        write_params(
-            scenario, options.params, rate=_DEFAULT_RATE, bag=Path('bag'), reply_timeout_s=10.0
-        )
+        write_params(scenario, options.params, rate=_DEFAULT_RATE, bag=Path('bag'))
         console.print(f'parameters of all nodes written to {options.params}', highlight=False)
     return ExitCode.OK
 

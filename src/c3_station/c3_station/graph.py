@@ -9,6 +9,7 @@ import msgspec
 
 from auv_sim.fleet_params import FleetParams
 from auv_sim.world import WORLD
+from auv_sim.world_params import WorldParams
 from c3_station.node_params import C3, UAV, mission_params
 from c3_station.recorder_params import RecorderParams
 from c3_station.scenario import Scenario
@@ -53,7 +54,12 @@ def mission_nodes(scenario: Scenario, *, bag: bool) -> tuple[NodeSpec, ...]:
 
 
 def write_params(
-    scenario: Scenario, path: Path, *, rate: float, bag: Path | None, reply_timeout_s: float
+    scenario: Scenario,
+    path: Path,
+    *,
+    rate: float,
+    bag: Path | None,
+    reply_timeout_s: float = WorldParams().reply_timeout_s,
 ) -> None:
     """
     Write the parameters of every node of a mission, for ``--params-file``.

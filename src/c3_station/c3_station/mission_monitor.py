@@ -7,6 +7,8 @@ from dataclasses import dataclass, field
 
 from c3_station.scenario import Scenario
 from c3_station.summary import Summarizer
+from msgs_json import codec
+from msgs_json.codec import MessageError
 from msgs_json.geometry import Cell, Point
 from msgs_json.messages import (
     CellEntered,
@@ -23,7 +25,8 @@ from msgs_json.messages import (
     StayedUp,
     Surfaced,
 )
-from msgs_json.ros_messages import Odometry
+from msgs_json.ros_messages import ClockTime, Odometry, RosMessage, Text
+from msgs_json.topics import CLOCK, MISSION_EVENTS
 
 _LOG_LINES = 200
 
@@ -92,25 +95,41 @@ class MissionMonitor:
         self.log: deque[tuple[float, str, str]] = deque(maxlen=_LOG_LINES)
         """Time, source and text of what happened, newest last."""
 
-    def clock(self, now_s: float) -> None:
+    def message(self, topic: str, message: RosMessage) -> None:
+        """Take what was published on an absolute topic; what says nothing here is passed over."""
+        self.summarizer.message(topic, message)
+        match message:
+            case ClockTime(time_s=time_s) if topic == CLOCK.name:
+                self._clock(time_s)
+            case Odometry():
+                self._odometry(topic.split('/')[1], message)
+            case Text(data=data) if topic == MISSION_EVENTS.name:
+                self._log_entry(data)
+
+    def _clock(self, now_s: float) -> None:
         """Take the simulated time; it never goes back."""
         self.now_s, self.ticking = max(self.now_s, now_s), True
 
-    def odometry(self, name: str, odometry: Odometry) -> None:
-        """Take a vehicle's true pose."""
+    def _odometry(self, name: str, odometry: Odometry) -> None:
         if name == self.uav_name:
             self.uav_position = odometry.position
         elif name in self.auvs:
             auv = self.auvs[name]
             auv.position, auv.submerged = odometry.position, odometry.z_m < 0
 
-    def event(self, source: str, stamp_s: float, event: Event) -> None:
-        """Take an entry of the mission's log."""
-        self.clock(stamp_s)
-        self.summarizer.event(source, stamp_s, event)
-        text = self._apply(source, stamp_s, event)
+    def _log_entry(self, data: bytes) -> None:
+        try:
+            envelope, event = codec.decode(data)
+        except MessageError:
+            return  # the summary counts it
+        subject = event.auv if isinstance(event, Met) else envelope.src
+        about_an_auv = isinstance(event, CellEntered | Dived | Surfaced | StayedUp | Met)
+        if not isinstance(event, Event) or (about_an_auv and subject not in self.auvs):
+            return  # of somebody who is not in this mission
+        self._clock(envelope.stamp)
+        text = self._apply(envelope.src, envelope.stamp, event)
         if text:
-            self.log.append((stamp_s, source, text))
+            self.log.append((envelope.stamp, envelope.src, text))
 
     def neglect_s(self) -> float:
         """Return the neglect time so far, summed over the AUVs, until the region is explored."""

@@ -70,14 +70,13 @@ def run_mission(scenario: Scenario, options: RunOptions, console: Console) -> Ex
         interrupted = True
     if problem:
         console.print(problem, style='bold red', markup=False, highlight=False)
-    if options.bag:
-        _mend_bag(folder, console)
-        summary = write_report(folder.bag, folder.path).summary
+    if options.bag and _is_readable(folder, console):
+        summary, result = write_report(folder.bag, folder.path).summary, folder.report
     else:
-        summary = monitor.summarizer.summary()
-        folder.summary.write_bytes(summary.to_json())
+        summary, result = monitor.summarizer.summary(), folder.summary
+        result.write_bytes(summary.to_json())
     passed = _tell(summary, scenario, console) and problem is None
-    console.print(f'report: {folder.report if options.bag else folder.summary}', highlight=False)
+    console.print(f'report: {result}', highlight=False)
     if interrupted:
         return ExitCode.INTERRUPTED
     return ExitCode.OK if passed else ExitCode.FAILED
@@ -102,17 +101,24 @@ def report_bag(bag: Path, out: Path, console: Console) -> ExitCode:
     return ExitCode.OK if passed else ExitCode.FAILED
 
 
-def _mend_bag(folder: RunFolder, console: Console) -> None:
-    """Save what is in the bag of a recorder that was killed, and keep what it left."""
+def _is_readable(folder: RunFolder, console: Console) -> bool:
+    """Return whether there is a bag; that of a recorder that was killed is mended first."""
     try:
         with BagReader(folder.bag):
-            return
+            return True
     except BagError as error:
         console.print(str(error), style='red', markup=False, highlight=False)
+    if not folder.bag.exists():
+        return False  # it ended before there was a recorder
     broken = folder.path / 'bag_broken'
     folder.bag.rename(broken)
-    messages = recover_bag(broken, folder.bag)
+    try:
+        messages = recover_bag(broken, folder.bag)
+    except BagError as error:
+        console.print(str(error), style='red', markup=False, highlight=False)
+        return False
     console.print(f'{messages} messages saved into {folder.bag}', highlight=False)
+    return True
 
 
 def _tell(summary: Summary, scenario: Scenario, console: Console) -> bool:

@@ -9,13 +9,18 @@ import rclpy
 from rclpy.context import Context
 from rclpy.signals import SignalHandlerOptions
 
+from auv_sim.world import WORLD
 from c3_station.mission_monitor import MissionMonitor
-from msgs_json import codec
-from msgs_json.codec import MessageError
 from msgs_json.host_node import make_executor, message_class, qos_profile
-from msgs_json.messages import Event
-from msgs_json.ros_messages import clock_from_cdr, odometry_from_cdr, text_from_cdr
-from msgs_json.topics import CLOCK, MISSION_EVENTS, ODOM, Topic
+from msgs_json.ros_messages import (
+    ClockTime,
+    RosMessage,
+    Text,
+    clock_from_cdr,
+    odometry_from_cdr,
+    text_from_cdr,
+)
+from msgs_json.topics import CLOCK, MISSION_EVENTS, ODOM, RADIO_STATUS, Topic
 
 
 class Observer:
@@ -38,11 +43,12 @@ class Observer:
         self._node = rclpy.create_node('observer', namespace='orchestrator', context=self._context)
         self._executor = make_executor(self._context)
         self._executor.add_node(self._node)
-        self._listen(MISSION_EVENTS, '/', self._event)
+        self._listen(MISSION_EVENTS, '/', _text)
+        self._listen(RADIO_STATUS, f'/{WORLD}', _text)
         if every_tick:
-            self._listen(CLOCK, '/', self._clock)
+            self._listen(CLOCK, '/', _clock)
             for name in (monitor.uav_name, *monitor.auvs):
-                self._listen(ODOM, f'/{name}', self._odometry(name))
+                self._listen(ODOM, f'/{name}', odometry_from_cdr)
 
     def spin(self, duration_s: float) -> None:
         """Listen for a while."""
@@ -55,28 +61,24 @@ class Observer:
         self._node.destroy_node()
         self._context.try_shutdown()
 
-    def _listen(self, topic: Topic, namespace: str, callback: Callable[[bytes], None]) -> None:
+    def _listen(self, topic: Topic, namespace: str, decode: Callable[[bytes], RosMessage]) -> None:
+        name = topic.resolve(namespace)
+
+        def take(cdr: bytes) -> None:
+            try:
+                message = decode(cdr)
+            except ValueError:
+                return  # the nodes count and log what they refuse; the view shows what is sound
+            self._monitor.message(name, message)
+
         self._node.create_subscription(
-            message_class(topic.ros_type),
-            topic.resolve(namespace),
-            callback,
-            qos_profile(topic.qos),
-            raw=True,
+            message_class(topic.ros_type), name, take, qos_profile(topic.qos), raw=True
         )
 
-    def _clock(self, cdr: bytes) -> None:
-        self._monitor.clock(clock_from_cdr(cdr))
 
-    def _event(self, cdr: bytes) -> None:
-        try:
-            envelope, body = codec.decode(text_from_cdr(cdr))
-        except (ValueError, MessageError):
-            return  # the nodes count and log what they refuse; the view shows what is sound
-        if isinstance(body, Event):
-            self._monitor.event(envelope.src, envelope.stamp, body)
+def _text(cdr: bytes) -> Text:
+    return Text(text_from_cdr(cdr))
 
-    def _odometry(self, name: str) -> Callable[[bytes], None]:
-        def take(cdr: bytes) -> None:
-            self._monitor.odometry(name, odometry_from_cdr(cdr))
 
-        return take
+def _clock(cdr: bytes) -> ClockTime:
+    return ClockTime(time_s=clock_from_cdr(cdr))

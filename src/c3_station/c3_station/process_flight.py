@@ -14,11 +14,8 @@ from c3_station.mission_monitor import MissionMonitor
 from c3_station.recorded_topics import mission_topics
 from c3_station.run_folder import RunFolder
 from c3_station.scenario import Scenario
-from msgs_json import codec
 from msgs_json.agent_shell import Frame
-from msgs_json.messages import Event
-from msgs_json.ros_messages import ClockTime, Odometry, Text, nanoseconds, to_cdr
-from msgs_json.topics import MISSION_EVENTS
+from msgs_json.ros_messages import ClockTime, nanoseconds, to_cdr
 
 
 def fly_in_process(
@@ -73,23 +70,18 @@ class _Sink:
     def __call__(self, name: str, frame: Frame) -> None:
         """Take a message that an agent, or the world in its name, publishes."""
         message = frame.message
-        match message:
-            case ClockTime(time_s=time_s):
-                self._keep_pace(time_s)
-                self._monitor.clock(time_s)
-                self._refresh()
-            case Odometry():
-                self._monitor.odometry(name, message)
-            case Text(data) if frame.topic is MISSION_EVENTS:
-                envelope, body = codec.decode(data)
-                if isinstance(body, Event):
-                    self._monitor.event(envelope.src, envelope.stamp, body)
+        topic = frame.topic.resolve(f'/{name}')
+        if isinstance(message, ClockTime):
+            self._keep_pace(message.time_s)
+        self._monitor.message(topic, message)
+        if isinstance(message, ClockTime):
+            self._refresh()
         if self._writer is not None:
             cdr = to_cdr(message)
             stamp = stamp_ns(frame.topic.ros_type, cdr)
             if stamp is None:
                 stamp = nanoseconds(self._monitor.now_s)
-            self._writer.write(frame.topic.resolve(f'/{name}'), cdr, stamp)
+            self._writer.write(topic, cdr, stamp)
 
     def _keep_pace(self, time_s: float) -> None:
         if self._rate > 0:

@@ -110,7 +110,7 @@ def executable(package: str, name: str) -> Path:
 
     Raises
     ------
-    FileNotFoundError
+    ValueError
         No workspace on ``AMENT_PREFIX_PATH`` has it.
 
     """
@@ -119,7 +119,7 @@ def executable(package: str, name: str) -> Path:
         path = Path(prefix) / 'lib' / package / name
         if path.is_file():
             return path
-    raise FileNotFoundError(
+    raise ValueError(
         f'no executable {package}/{name} on AMENT_PREFIX_PATH;'
         ' start through orchestrate.py, or source install/setup.bash'
     )

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
+import signal
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from time import monotonic
 
 from domain_coordinator import domain_id
@@ -97,8 +99,9 @@ class _Watch:
         first = [p for name, p in self.processes.items() if name == WORLD]
         last = [p for name, p in self.processes.items() if name == RECORDER]
         others = [p for p in self.processes.values() if p not in first + last]
-        for group in (first, others, last):
-            stop_all(group)
+        with _undisturbed():
+            for group in (first, others, last):
+                stop_all(group)
 
     def _note_first_tick(self) -> None:
         if self.flight.first_tick_s is None and self._monitor.ticking:
@@ -123,6 +126,18 @@ class _Watch:
             peak_bytes = process.peak_memory_bytes()
             if peak_bytes is not None:
                 self.flight.peak_memory_bytes[name] = peak_bytes
+
+
+@contextmanager
+def _undisturbed() -> Iterator[None]:
+    """Ignore a second Ctrl-C while the nodes end, which takes some seconds at most."""
+    signals = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+    before = [signal.signal(signum, signal.SIG_IGN) for signum in signals]
+    try:
+        yield
+    finally:
+        for signum, handler in zip(signals, before, strict=True):
+            signal.signal(signum, handler)
 
 
 def _start(node: NodeSpec, folder: RunFolder) -> NodeProcess:
