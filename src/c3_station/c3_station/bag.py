@@ -82,6 +82,8 @@ _STAMP_AT = {
     'visualization_msgs/msg/MarkerArray': 8,
 }
 """Where the time of a message stands in its CDR bytes, behind the 4 bytes of encapsulation."""
+_LATEST_NS = 2**63 - 1
+"""What a bag's metadata can say (292 years); a message may claim more."""
 
 
 def stamp_ns(ros_type: str, cdr: bytes) -> int | None:
@@ -93,9 +95,10 @@ def stamp_ns(ros_type: str, cdr: bytes) -> int | None:
     """
     if ros_type == STRING:
         try:
-            return nanoseconds(_stamp_decoder.decode(text_from_cdr(cdr)).stamp)
-        except ValueError:
+            stamp = nanoseconds(_stamp_decoder.decode(text_from_cdr(cdr)).stamp)
+        except (ValueError, RecursionError):  # the latter: nested too deeply, whatever it says
             return None
+        return stamp if 0 <= stamp <= _LATEST_NS else None
     offset = _STAMP_AT.get(ros_type)
     if offset is None or len(cdr) < offset + 8 or cdr[0] != 0 or cdr[1] not in (0, 1):
         return None

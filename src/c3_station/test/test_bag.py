@@ -268,6 +268,37 @@ def test_no_markers_no_stamp() -> None:
     assert stamp_ns('sensor_msgs/msg/Unknown', cdr) is None
 
 
+@pytest.mark.parametrize(
+    'text',
+    [
+        b'{"zz":' + b'[' * 5000 + b']' * 5000 + b',"stamp":1.0}',
+        b'{"stamp":1e11}',
+        b'{"stamp":9223372036.9}',
+        b'{"stamp":-1.0}',
+    ],
+    ids=['nested', 'latest of the contract', 'just too late', 'negative'],
+)
+def test_stranger_s_json_has_no_stamp_and_can_be_recorded(text: bytes, tmp_path: Path) -> None:
+    cdr = to_cdr(Text(text))
+    stamp = stamp_ns(topics.STRING, cdr)
+    assert stamp is None
+    with BagWriter(tmp_path / 'bag', mission_topics(load_scenario('minimal'))) as bag:
+        bag.write('/mission_events', cdr, stamp or 0)
+    with BagReader(tmp_path / 'bag') as reader:
+        assert [each.cdr for each in reader.messages()] == [cdr]
+
+
+def test_latest_stamp_that_fits_can_be_recorded(tmp_path: Path) -> None:
+    cdr = to_cdr(Text(b'{"stamp":9223372036.0}'))
+    stamp = stamp_ns(topics.STRING, cdr)
+    assert stamp == 9_223_372_036_000_000_000
+    with BagWriter(tmp_path / 'bag', mission_topics(load_scenario('minimal'))) as bag:
+        bag.write('/mission_events', cdr, stamp)
+        bag.flush()
+    with BagReader(tmp_path / 'bag') as reader:
+        assert [each.log_time_ns for each in reader.messages()] == [stamp]
+
+
 # --- what a mission records ----------------------------------------------------------------------
 
 
