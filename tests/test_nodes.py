@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import resource
 import signal
 import subprocess
 import time
@@ -60,6 +61,10 @@ class Node:
 
     def signal(self, signum: signal.Signals) -> None:
         self._process.send_signal(signum)
+
+    def limit_files(self, size_bytes: int) -> None:
+        """Let it write no file beyond a size, as on a full disk."""
+        resource.prlimit(self._process.pid, resource.RLIMIT_FSIZE, (size_bytes, size_bytes))
 
     def is_up(self) -> bool:
         return self._process.poll() is None
@@ -295,6 +300,8 @@ NOT_FOR_ANY_RADIO = [
     b'\xff\xfe',
     b'null',
     b'[' * 50_000,
+    b'{"zz":' + b'[' * 5000 + b']' * 5000 + b'}',
+    b'{"stamp":1e11}',
     b'{"schema":"PathAssignment"}',
     b'{"schema":"PathAssignment","version":1,"src":"uav","dst":"auv_1","seq":0,"stamp":NaN,'
     b'"body":{},"auth":null}',
@@ -337,6 +344,27 @@ def test_garbage_on_every_radio_topic_is_refused_and_counted(
     assert figures.radio.blocked['unknown_sender'] > 0
     refused = {(refusal.node, refusal.reason) for refusal in figures.refusals}
     assert {('auv_1', 'malformed'), ('c3', 'malformed'), ('uav', 'malformed')} <= refused
+
+
+def test_recorder_on_a_full_disk_says_why_once_and_ends(
+    start: Start, tmp_path: Path, listener: Listener
+) -> None:
+    recorder = start('c3_station', 'recorder', '-p', f'out:={tmp_path / "bag"}')
+    publisher = listener.publisher(RADIO_TX, '/c3')
+    listener.wait_for(lambda: listener.hearers('/c3/radio/tx') == {'/recorder'})
+    listener.wait_for(lambda: publisher.get_subscription_count() == 1)
+    recorder.limit_files(4096)  # less than the declared topics take
+
+    def shout() -> bool:
+        publisher.publish(to_cdr(Text(b'x' * 1000)))
+        return not recorder.is_up()
+
+    listener.wait_for(shout)
+    code, output = recorder.end()
+    assert code == NodeExit.NOT_RECORDING, output
+    assert output.count('[FATAL]') == 1, output
+    assert 'cannot be written: File too large' in output
+    assert 'is closed' not in output
 
 
 def test_nobody_but_world_and_recorder_hears_a_vehicle(

@@ -50,6 +50,8 @@ class RecorderNode(HostedNode):
             self._bag = BagWriter(Path(params.out), topics)
         self._client = RecorderClient()
         self._arrived: list[tuple[RecordedTopic, bytes]] = []
+        self._has_failed = False
+        """Nothing more can be written; the first failure is the cause of any other."""
         self._latest_ns = 0
         """Log time for a message without a stamp."""
         self._first_tick: tuple[int, Tick] | None = None
@@ -96,27 +98,33 @@ class RecorderNode(HostedNode):
     def _answer(self, frames: list[Frame]) -> None:
         if frames:
             self._write()
-            self._publish(frames)
+            if not self._has_failed:  # else it would claim to hold what it does not
+                self._publish(frames)
 
     def _write(self) -> None:
         """Write what has arrived: many at a time, which costs a third of one by one."""
+        arrived, self._arrived = self._arrived, []
+        if self._has_failed:
+            return
         try:
-            for recorded, cdr in self._arrived:
+            for recorded, cdr in arrived:
                 stamp = stamp_ns(recorded.topic.ros_type, cdr)
                 self._latest_ns = self._latest_ns if stamp is None else stamp
                 self._bag.write(recorded.name, cdr, self._latest_ns)
-            self._arrived.clear()
         except BagError as error:
             self._fail(error)
 
     def _flush(self) -> None:
         self._write()
+        if self._has_failed:
+            return
         try:
             self._bag.flush()
         except BagError as error:
             self._fail(error)
 
     def _fail(self, error: BagError) -> None:
+        self._has_failed = True
         self.log.fatal(str(error))
         self.on_end(NodeExit.NOT_RECORDING)
 
