@@ -12,12 +12,14 @@ class GuardedAgent:
     """
     An `AgentShell` that survives its driver's errors.
 
-    ``report`` gets the first of a row of failures; what the agent wanted to say at that moment is
-    lost, and it decides anew at the next tick.
+    ``report`` gets the first of a row of failures. An agent keeps what it had decided when its
+    vehicle failed in a tick, and says it as soon as a tick goes well.
     """
 
     def __init__(self, shell: AgentShell, report: Callable[[str], None]) -> None:
         self.driver_failures = 0
+        self.is_behind = False
+        """Whether its last tick failed; the same one may be tried again."""
         self._shell = shell
         self._report = report
         self._is_failing = False
@@ -37,9 +39,10 @@ class GuardedAgent:
         try:
             frames = self._shell.tick(now_s)
         except DriverError as error:
+            self.is_behind = True
             self._fail(error)
             return []
-        self._is_failing = False
+        self.is_behind = self._is_failing = False
         return frames
 
     def receive(self, data: bytes, now_s: float) -> list[Frame]:

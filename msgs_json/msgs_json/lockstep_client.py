@@ -56,14 +56,18 @@ class AgentClient:
         return [_ready(self._speaker, self._agent.name, go)]
 
     def tick(self, tick: Tick) -> list[Frame]:
-        """Tick the agent once per tick number; a repeated tick is answered from the counts."""
+        """
+        Tick the agent once per tick number; a repeated tick is answered from the counts.
+
+        A tick in which its vehicle fails is not answered but tried again when it is repeated.
+        """
         if self._tick is not None and tick.tick < self._tick.tick:
             return []
         frames: list[Frame] = []
-        if self._tick is None or tick.tick > self._tick.tick:
+        if self._tick is None or tick.tick > self._tick.tick or self._agent.is_behind:
             self._tick = tick
             frames = self._counted(self._agent.tick(tick.time_s))
-        return [*frames, self._done(tick)]
+        return [*frames, *self._done(tick)]
 
     def hear(self, data: bytes) -> list[Frame]:
         """
@@ -81,7 +85,7 @@ class AgentClient:
             )
         frames = self._counted(self._agent.receive(data, self._tick.time_s))
         self._received += self._can_be_delivered(data)
-        return [*frames, self._done(self._tick)]
+        return [*frames, *self._done(self._tick)]
 
     def _can_be_delivered(self, data: bytes) -> bool:
         """
@@ -103,7 +107,9 @@ class AgentClient:
                 self._sent += 1
         return frames
 
-    def _done(self, tick: Tick) -> Frame:
+    def _done(self, tick: Tick) -> list[Frame]:
+        if self._agent.is_behind:
+            return []  # else the world could go on with these counts while the next try is made
         done = Done(
             tick=tick.tick,
             received=self._received,
@@ -111,7 +117,7 @@ class AgentClient:
             published=self._published,
             finished=self._agent.finished,
         )
-        return self._speaker.frame(WORLD_DONE, done, tick.time_s)
+        return [self._speaker.frame(WORLD_DONE, done, tick.time_s)]
 
 
 class RecorderClient:

@@ -75,26 +75,31 @@ class AuvAgent:
         self._reached = 0
         self._cell = mission.initial_path[0]
         """The last cell entered."""
+        self._outcome: LegOutcome | None = None
+        """Why the leg ends; None while it goes on."""
         self._report: SurfacingReport | None = None
         """What is said while at the surface; None under water."""
         self._samples_taken = 0
         self._unrelieved: list[Sample] = []
         """Samples that nobody has acknowledged yet."""
+        self._untold: list[Output] = []
+        """What happened and was not said: the vehicle may fail between the two."""
 
     def tick(self, now_s: float) -> list[Output]:
         """Swim to ``now_s``; surface when the leg is over; report while at the surface."""
         state = self._driver.step(now_s)
-        output: list[Output] = []
         if self._leg_id < 0:
-            output += self._begin(state, now_s)
+            self._untold += self._begin(state, now_s)
             state = self._driver.step(now_s)
-        output += self._enter_cells(state, now_s)
+        self._untold += self._enter_cells(state, now_s)
         if self._report is None:
-            outcome = self._reason_to_surface(state, now_s)
-            if outcome is not None:
+            # Decided once: at another try the vehicle may be up, which would then look early.
+            self._outcome = self._outcome or self._reason_to_surface(state, now_s)
+            if self._outcome is not None:
                 self._driver.surface()
                 state = self._driver.step(now_s)
-                output += self._come_up(outcome, state, now_s)
+                self._untold += self._come_up(self._outcome, state, now_s)
+        output, self._untold = self._untold, []
         output.append(Publish(ODOM, state.odometry(self.name, now_s)))
         if self._report is not None and not self.finished:
             report = structs.replace(self._report, samples=tuple(self._unrelieved))
@@ -148,7 +153,8 @@ class AuvAgent:
             cells.insert(0, None)
         self._driver.follow(points)
         self._leg_id, self._surface_deadline_s = leg.leg_id, leg.surface_deadline_s
-        self._cells_ahead, self._reached, self._report = tuple(cells), 0, None
+        self._cells_ahead, self._reached = tuple(cells), 0
+        self._outcome = self._report = None
         dived = Dived(leg_id=leg.leg_id, path=leg.path, surface_deadline_s=leg.surface_deadline_s)
         track = TrackPath(
             stamp_s=now_s, points=(state.position, *points), z_m=-self._mission.depth_m

@@ -11,7 +11,12 @@ from auv_sim.auv_agent import AuvAgent, AuvMission
 from auv_sim.drivers.kinematic import KinematicAuv
 from msgs_json.agent import Log, Output, Publish, Refuse, Transmit
 from msgs_json.codec import Refusal
-from msgs_json.drivers import AuvDriverSetup, CommandRefusedError
+from msgs_json.drivers import (
+    AuvDriverSetup,
+    AuvState,
+    CommandRefusedError,
+    VehicleUnavailableError,
+)
 from msgs_json.geometry import Cell, GridSpec, Point
 from msgs_json.messages import (
     Acknowledged,
@@ -53,6 +58,22 @@ class StubbornAuv(KinematicAuv):
         if self.legs > 1:
             raise CommandRefusedError('the thruster is broken')
         super().follow(waypoints)
+
+
+class FaintAuv(KinematicAuv):
+    """Is not heard of once, right after it came up as it was told to."""
+
+    surfacings = 0
+
+    def surface(self) -> None:
+        super().surface()
+        self.surfacings += 1
+
+    def step(self, now_s: float) -> AuvState:
+        if self.surfacings == 1:
+            self.surfacings += 1
+            raise VehicleUnavailableError('no link')
+        return super().step(now_s)
 
 
 class Bench:
@@ -198,6 +219,15 @@ def test_a_slow_auv_surfaces_at_its_deadline_between_two_cells() -> None:
     assert (found.outcome, found.moves_done, found.cell) == (LegOutcome.DEADLINE, 1, (1, 0))
     assert found.position == Point(east_m=20.0, north_m=5.0)
     assert [sample.cell for sample in found.samples] == [(0, 0), (1, 0)]
+
+
+def test_a_failure_while_it_comes_up_at_its_deadline_does_not_make_it_early() -> None:
+    path = ((0, 0), (1, 0), (2, 0))
+    bench = Bench(path=path, real_speed_mps=0.75, vehicle=FaintAuv)
+    bench.tick(20)
+    with pytest.raises(VehicleUnavailableError):
+        bench.tick()
+    assert report(bench.tick()).outcome is LegOutcome.DEADLINE
 
 
 def test_from_between_two_cells_the_next_leg_first_goes_back_to_the_last_cell() -> None:

@@ -140,6 +140,8 @@ class UavAgent:
         self._sortie: _Sortie | None = None
         """The one being flown, or waiting at C3 for its departure."""
         self._sorties_flown = 0
+        self._untold: list[Output] = []
+        """What was decided and not said: the vehicle may fail between the two."""
         self._heard: dict[str, SurfacingReport] = {}
         """Reports heard at this tick from AUVs whose turn it was not."""
         self._hand_overs: dict[str, _HandOver] = {}
@@ -151,10 +153,12 @@ class UavAgent:
 
     def tick(self, now_s: float) -> list[Output]:
         """Decide on what was heard until the tick before, fly to ``now_s``, report at C3."""
-        output = self._decide()
+        self._untold += self._decide()
+        self._steer()
         state = self._driver.step(now_s)
         self._now_s, self._position = now_s, state.position
         self._heard.clear()
+        output = self._tell()
         output.append(Publish(ODOM, state.odometry(self.name, now_s)))
         output += self._return_to_c3()
         output += self._report_to_c3()
@@ -166,7 +170,7 @@ class UavAgent:
             case MissionOrder() if src == self._setup.c3:
                 return self._ordered(message)
             case SurfacingReport() if src == message.auv and src in self._auvs:
-                return self._hear(message)
+                return [*self._tell(), *self._hear(message)]
             case Acknowledgement():
                 return self._acknowledged(src, message)
             case _:
@@ -229,7 +233,7 @@ class UavAgent:
         )
 
     def _decide(self) -> list[Output]:
-        """Leave C3 when it is time; go on to the next waypoint when this one is done with."""
+        """Leave C3 when it is time; turn to the next waypoint when this one is done with."""
         sortie, mission = self._sortie, self._mission
         if sortie is None or mission is None or self._position is None:
             return []
@@ -238,7 +242,15 @@ class UavAgent:
             if is_before(self._now_s, sortie.plan.depart_s):
                 return []
             output += self._depart(sortie, mission)
-        output += self._advance(sortie, self._position)
+        return output + self._advance(sortie, self._position)
+
+    def _steer(self) -> None:
+        """Send the vehicle where it is to be next."""
+        sortie, mission = self._sortie, self._mission
+        if sortie is None or mission is None or self._position is None:
+            return
+        if sortie.departed_s is None:
+            return
         route = sortie.plan.route
         if self._awaits_answer():
             self._driver.go_to(self._position)
@@ -246,7 +258,10 @@ class UavAgent:
             self._driver.go_to(route[sortie.cursor].point)
         else:
             self._driver.go_to(mission.c3)
-        return output
+
+    def _tell(self) -> list[Output]:
+        untold, self._untold = self._untold, []
+        return untold
 
     def _depart(self, sortie: _Sortie, mission: MissionSpec) -> list[Output]:
         sortie.departed_s = self._now_s
