@@ -28,7 +28,7 @@ class WorldParams(Params, frozen=True):
     range_m: Annotated[float, param('radio range, R', unit='m', ge=0.001, le=1e6)] = 20.0
     max_message_bytes: Annotated[
         int, param('longer radio messages are blocked', unit='bytes', ge=256, le=2**30)
-    ] = 65_536
+    ] = 1_048_576
     tick_s: Annotated[float, param('length of a tick', unit='s', ge=0.001, le=3600)] = 1.0
     max_mission_s: Annotated[
         float, param('hard stop in simulated time', unit='s', ge=1, le=1e7)

@@ -53,7 +53,7 @@ class Radio(Section, frozen=True, kw_only=True):
     """The channel between surfaced vehicles."""
 
     range_m: Annotated[float, msgspec.Meta(ge=0.001, le=1e6)]
-    max_message_bytes: Annotated[int, msgspec.Meta(ge=256, le=2**30)] = 65_536
+    max_message_bytes: Annotated[int, msgspec.Meta(ge=256, le=2**30)] = 1_048_576
 
 
 class Sortie(Section, frozen=True, kw_only=True):

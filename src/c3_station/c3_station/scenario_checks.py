@@ -17,8 +17,19 @@ from auv_sim.surfacing import surfacing_model
 from auv_sim.survey_field import make_field
 from c3_station.scenario import RESERVED_NAMES, Limits, Scenario
 from c3_station.shape_checks import KeyPath, Problem, nearest
+from msgs_json import codec
 from msgs_json.drivers import find_driver, registered_drivers
 from msgs_json.geometry import path_problem
+from msgs_json.messages import (
+    AuvOrder,
+    Leg,
+    LegOutcome,
+    Meeting,
+    MissionOrder,
+    RelayedSample,
+    Sample,
+    SortieReport,
+)
 from uav_planner.planners import PLANNERS, make_planner
 from uav_planner.uav_params import DRIVERS as UAV_DRIVERS
 
@@ -37,6 +48,7 @@ def mission_problems(scenario: Scenario) -> list[Problem]:
 def _inconsistencies(scenario: Scenario) -> Iterator[Problem]:
     yield from _geometry(scenario)
     yield from _fleet(scenario)
+    yield from _radio(scenario)
     planner = scenario.planner
     if planner.min_path_cells > planner.path_cells:
         yield Problem(
@@ -93,6 +105,94 @@ def _limits(name: str, limits: Limits) -> Iterator[Problem]:
         yield Problem(
             ('pass', name, 'min'), f'is {limits.min:g}; allowed: at most max, {limits.max:g}'
         )
+
+
+# --- the longest message -------------------------------------------------------------------------
+
+_WIDE_NAME = 'n' * 32
+_WIDE_INT = 2**53
+_WIDE_FLOAT = -1.7976931348623157e-300
+"""No value takes more characters: an upper bound need not be a value that can occur."""
+
+
+def _radio(scenario: Scenario) -> Iterator[Problem]:
+    needed, given = longest_message_bytes(scenario), scenario.radio.max_message_bytes
+    if given < needed:
+        yield Problem(
+            ('radio', 'max_message_bytes'),
+            f'is {given:,}; allowed: at least {needed:,}, the longest message of this mission'
+            ' (a longer one would never arrive, nor would any behind it)',
+        )
+
+
+def longest_message_bytes(scenario: Scenario) -> int:
+    """
+    Return a size that no radio message of the mission exceeds.
+
+    The longest are the mission order and the report of a sortie that met every AUV after a full
+    leg; a surfacing report is a part of the latter.
+    """
+    return max(
+        len(codec.encode(body, src=_WIDE_NAME, dst=_WIDE_NAME, seq=_WIDE_INT, stamp_s=_WIDE_FLOAT))
+        for body in (_longest_order(scenario), _longest_report(scenario))
+    )
+
+
+def _longest_order(scenario: Scenario) -> MissionOrder:
+    return MissionOrder(
+        mission_id=scenario.name,
+        region=scenario.region,
+        c3=scenario.c3,
+        radio_range_m=scenario.radio.range_m,
+        sortie_limit_s=scenario.sortie.limit_s,
+        path_cells=scenario.planner.path_cells,
+        min_path_cells=scenario.planner.min_path_cells,
+        surface_margin_s=scenario.sortie.surface_margin_s,
+        auvs=tuple(
+            AuvOrder(
+                name=auv.name, speed_mps=auv.speed_mps, leg=_wide_leg(len(auv.initial_path) - 1)
+            )
+            for auv in scenario.auvs
+        ),
+    )
+
+
+def _longest_report(scenario: Scenario) -> SortieReport:
+    path_cells = scenario.planner.path_cells
+    next_leg = _wide_leg(path_cells)
+    cell = next_leg.path[0]
+    sample = Sample(number=_WIDE_INT, cell=cell, entered_s=_WIDE_FLOAT, value=_WIDE_FLOAT)
+    names = tuple(auv.name for auv in scenario.auvs)
+    return SortieReport(
+        sortie=_WIDE_INT,
+        departed_s=_WIDE_FLOAT,
+        returned_s=_WIDE_FLOAT,
+        meetings=tuple(
+            Meeting(
+                auv=name,
+                time_s=_WIDE_FLOAT,
+                cell=cell,
+                ended_leg_id=_WIDE_INT,
+                outcome=LegOutcome.COMPLETED,
+                next_leg=next_leg,
+            )
+            for name in names
+        ),
+        missed=names,
+        samples=tuple(
+            relayed
+            for auv in scenario.auvs
+            # The initial path may be longer than any that follows.
+            for relayed in [RelayedSample(auv=auv.name, sample=sample)]
+            * max(len(auv.initial_path), path_cells + 1)
+        ),
+    )
+
+
+def _wide_leg(moves: int) -> Leg:
+    """Return a leg to and fro between two cells in the far corner of the largest region."""
+    path = tuple((999 - index % 2, 999) for index in range(moves + 1))
+    return Leg(leg_id=_WIDE_INT, path=path, surface_deadline_s=_WIDE_FLOAT)
 
 
 # --- names of parts that live elsewhere ----------------------------------------------------------

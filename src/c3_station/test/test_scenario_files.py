@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import copy
+import re
+from contextlib import nullcontext
 from pathlib import Path
 from typing import Any
 
@@ -12,8 +14,10 @@ import yaml
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from c3_station.in_process import fly
 from c3_station.node_params import mission_params
 from c3_station.scenario import Limits, Scenario
+from c3_station.scenario_checks import longest_message_bytes
 from c3_station.scenario_files import (
     ScenarioError,
     load_scenario,
@@ -23,7 +27,10 @@ from c3_station.scenario_files import (
     shipped_scenarios,
     with_choices,
 )
+from msgs_json.agent_shell import Frame
 from msgs_json.params import validated
+from msgs_json.ros_messages import Text
+from msgs_json.topics import RADIO_TX
 from uav_planner.planners import PLANNERS
 from uav_planner.planners.ecc2009 import Ecc2009Planner
 
@@ -143,6 +150,52 @@ def test_ends_of_the_ranges_are_also_those_of_the_node_parameters(
         validated(type(each), msgspec.to_builtins(each))
 
 
+def fleet(auvs: int, path_cells: int) -> Scenario:
+    content = changed(('planner', 'path_cells'), path_cells)
+    content['auvs'] = [ECC2009['auvs'][0] | {'name': f'auv_{number}'} for number in range(auvs)]
+    return parse_scenario(msgspec.json.encode(content).decode())
+
+
+def assert_bound_holds(scenario: Scenario) -> None:
+    sizes: list[int] = []
+
+    def measure(source: str, frame: Frame) -> None:
+        if frame.topic is RADIO_TX and isinstance(frame.message, Text):
+            sizes.append(len(frame.message.data))
+
+    fly(scenario, measure)
+    assert max(sizes) <= longest_message_bytes(scenario) < 5 * max(sizes)
+
+
+@pytest.mark.parametrize('name', sorted(shipped_scenarios()))
+def test_no_message_is_longer_than_the_longest(name: str) -> None:
+    assert_bound_holds(load_scenario(name))
+
+
+def test_long_initial_paths_count(tmp_path: Path) -> None:
+    there_and_back = [[3, 7], [4, 7]] * 100
+    scenario = load_scenario(write(tmp_path, changed(('auvs', 0, 'initial_path'), there_and_back)))
+    assert_bound_holds(scenario)
+
+
+def test_default_takes_the_messages_of_the_largest_fleet_with_the_longest_paths() -> None:
+    largest = fleet(200, 9)
+    assert 65_536 < longest_message_bytes(largest) <= largest.radio.max_message_bytes
+
+
+def test_least_size_that_is_allowed_is_enough() -> None:
+    content = changed(('radio', 'max_message_bytes'), 1000)
+    with pytest.raises(ScenarioError) as caught:
+        parse_scenario(msgspec.json.encode(content).decode())
+    found = re.search(r'at least ([0-9,]+)', str(caught.value))
+    assert found
+    least = int(found[1].replace(',', ''))
+    for size, fits in ((least, True), (least - 1, False)):
+        content['radio']['max_message_bytes'] = size
+        with nullcontext() if fits else pytest.raises(ScenarioError, match='max_message_bytes'):
+            parse_scenario(msgspec.json.encode(content).decode())
+
+
 def test_numbers_may_be_written_with_a_bare_exponent(tmp_path: Path) -> None:
     text = yaml.safe_dump(changed(('max_mission_s',), 0)).replace(
         'max_mission_s: 0', 'max_mission_s: 5e3'
@@ -192,6 +245,11 @@ def test_field_file_is_found_beside_the_scenario(tmp_path: Path) -> None:
         (('auvs', 0, 'surfacing'), {'model': 'eary'}, ['auvs[0].surfacing', 'eary', 'early']),
         (('auvs', 0, 'surfacing'), {'model': 'early', 'probability': 2}, ['probability', '1.0']),
         (('radio', 'range_m'), -5, ['radio.range_m is -5', 'at least 0.001']),
+        (
+            ('radio', 'max_message_bytes'),
+            1000,
+            ['radio.max_message_bytes is 1,000', 'allowed: at least 4,'],
+        ),
         (('sortie', 'limit_s'), 0.5, ['sortie.limit_s is 0.5', 'tick_s 1']),
         (('planner', 'name'), 'ecc209', ['planner.name', "'ecc209'", 'did you mean ecc2009?']),
         (('planner', 'path_cells'), 10, ['planner.path_cells is 10', 'at most 9']),
