@@ -356,7 +356,8 @@ def test_recorder_on_a_full_disk_says_why_once_and_ends(
     recorder.limit_files(4096)  # less than the declared topics take
 
     def shout() -> bool:
-        publisher.publish(to_cdr(Text(b'x' * 1000)))
+        # More than is kept in memory: writing fails, not only the flush that comes later.
+        publisher.publish(to_cdr(Text(b'x' * 2_000_000)))
         return not recorder.is_up()
 
     listener.wait_for(shout)
