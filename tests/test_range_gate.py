@@ -201,8 +201,8 @@ MY_REPORT = sent(LIE, src=MALLORY, dst='uav')
         ([MY_REPORT], C3, -0.1, {'submerged': 1}),
         ([MY_REPORT], FAR_AWAY, 0.0, {'range': 1}),
         # Not what the radio carries.
-        ([MY_REPORT + b' ' * 70_000], C3, 0.0, {'size': 1}),
-        ([b'[' * 70_000], C3, 0.0, {'size': 1}),
+        ([MY_REPORT + b' ' * 1_100_000], C3, 0.0, {'size': 1}),
+        ([b'[' * 1_100_000], C3, 0.0, {'size': 1}),
         ([b'', b'hello', b'\xff', b'{}', b'[' * 60_000], C3, 0.0, {'malformed': 5}),
         ([MY_REPORT.replace(b'"auth":null', b'"auth":7')], C3, 0.0, {'malformed': 1}),
         # Again, and from the future.
