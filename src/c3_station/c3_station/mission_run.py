@@ -9,7 +9,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from time import monotonic
 from types import FrameType
-from typing import NoReturn
 
 from rich.console import Console
 from rich.live import Live
@@ -61,7 +60,10 @@ def run_mission(scenario: Scenario, options: RunOptions, console: Console) -> Ex
     interrupted = False
     problem = None
     try:
-        with _terminated_as_interrupted(), _live(console, monitor, title) as refresh:
+        with (
+            _interruptible() as look_for_interrupt,
+            _live(console, monitor, title, look_for_interrupt) as refresh,
+        ):
             flight = fly(
                 scenario, folder, monitor, rate=options.rate, bag=options.bag, refresh=refresh
             )
@@ -145,7 +147,9 @@ def _seconds(time_s: float | None) -> str:
 
 
 @contextmanager
-def _live(console: Console, monitor: MissionMonitor, title: str) -> Iterator[Callable[[], None]]:
+def _live(
+    console: Console, monitor: MissionMonitor, title: str, look_for_interrupt: Callable[[], None]
+) -> Iterator[Callable[[], None]]:
     """Show the mission while it runs; a terminal sees it move, a log file its end only."""
     view = LiveView(monitor, title)
     shown_s = began_s = monotonic()
@@ -154,6 +158,7 @@ def _live(console: Console, monitor: MissionMonitor, title: str) -> Iterator[Cal
 
         def refresh() -> None:
             nonlocal shown_s, began_s
+            look_for_interrupt()
             now_s = monotonic()
             if not monitor.ticking:
                 began_s = now_s
@@ -169,16 +174,27 @@ def _live(console: Console, monitor: MissionMonitor, title: str) -> Iterator[Cal
 
 
 @contextmanager
-def _terminated_as_interrupted() -> Iterator[None]:
-    """Let SIGTERM and a closed terminal end a mission in the same order as Ctrl-C."""
+def _interruptible() -> Iterator[Callable[[], None]]:
+    """
+    Let Ctrl-C, SIGTERM and a closed terminal end a mission at the next look, which is yielded.
 
-    def interrupt(signum: int, frame: FrameType | None) -> NoReturn:
-        raise KeyboardInterrupt
+    A handler that raised at once would at times do so inside a callback of the ROS executor, where
+    the exception is lost and the mission goes on.
+    """
+    asked = False
 
-    signals = (signal.SIGTERM, signal.SIGHUP)
-    before = [signal.signal(signum, interrupt) for signum in signals]
+    def note(signum: int, frame: FrameType | None) -> None:
+        nonlocal asked
+        asked = True
+
+    def look() -> None:
+        if asked:
+            raise KeyboardInterrupt
+
+    signals = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+    before = [signal.signal(signum, note) for signum in signals]
     try:
-        yield
+        yield look
     finally:
         for signum, handler in zip(signals, before, strict=True):
             signal.signal(signum, handler)

@@ -17,6 +17,8 @@ from c3_station.scenario import Scenario
 from msgs_json.agent_shell import Frame
 from msgs_json.ros_messages import ClockTime, nanoseconds, to_cdr
 
+_LOOK_EVERY_S = 0.1
+
 
 def fly_in_process(
     scenario: Scenario,
@@ -84,7 +86,9 @@ class _Sink:
             self._writer.write(topic, cdr, stamp)
 
     def _keep_pace(self, time_s: float) -> None:
-        if self._rate > 0:
-            early_s = time_s / self._rate - (monotonic() - self._began_s)
-            if early_s > 0:
-                self._pause.wait(early_s)
+        if self._rate == 0:
+            return
+        due_s = self._began_s + time_s / self._rate
+        while (early_s := due_s - monotonic()) > 0:
+            self._pause.wait(min(early_s, _LOOK_EVERY_S))
+            self._refresh()
