@@ -78,6 +78,12 @@ class MissionOrder(Message, frozen=True):
     path_cells: Annotated[int, msgspec.Meta(ge=1, le=10_000, description='moves of a path, q')]
     min_path_cells: Annotated[int, msgspec.Meta(ge=1, le=10_000, description='Delta')]
     surface_margin_s: Annotated[float, msgspec.Meta(ge=0, le=1e6, description='added to S_i')]
+    handover_s: Annotated[
+        float, msgspec.Meta(ge=0, le=1e6, description='kept free in a sortie for each AUV met')
+    ]
+    lost_after_sorties: Annotated[
+        int, msgspec.Meta(ge=1, le=1000, description='searches in vain after which an AUV is lost')
+    ]
     auvs: Annotated[tuple[AuvOrder, ...], msgspec.Meta(min_length=1, max_length=1000)]
 
 
@@ -100,6 +106,8 @@ class LegOutcome(enum.Enum):
     """Its surface time came while it was still on its path."""
     EARLY = 'early'
     """It came up before, for a reason of its own."""
+    ABORTED = 'aborted'
+    """It came up to ask for help and takes no further path."""
 
 
 class SurfacingReport(Message, frozen=True):
@@ -131,6 +139,8 @@ class RecoveryReason(enum.Enum):
 
     EXPLORED = 'explored'
     """Nothing is left to survey."""
+    ABORTED = 'aborted'
+    """It asked for help."""
 
 
 class RecoveryOrder(Message, frozen=True):
@@ -179,6 +189,23 @@ class Meeting(Message, frozen=True):
     """None where the AUV was told to stay up for recovery."""
 
 
+class ExpectedContact(Message, frozen=True):
+    """When the UAV will begin to search an AUV."""
+
+    auv: Name
+    time_s: Seconds
+
+
+class SortieOutlook(Message, frozen=True):
+    """The sortie that the UAV will fly next."""
+
+    departs_s: Seconds
+    returns_by_s: Seconds
+    """With the worst case of its route."""
+    contacts: tuple[ExpectedContact, ...]
+    """In flying order; an AUV that it will not search is not there."""
+
+
 class SortieReport(Message, frozen=True):
     """UAV to C3: a sortie has ended, with everything relayed."""
 
@@ -188,7 +215,13 @@ class SortieReport(Message, frozen=True):
     meetings: tuple[Meeting, ...]
     missed: tuple[Name, ...]
     """AUVs that were searched and not heard."""
+    not_reached: tuple[Name, ...]
+    """AUVs that were not searched, or not to the end."""
+    lost: tuple[Name, ...]
+    """AUVs given up in this sortie or before and not heard again; others survey their cells."""
     samples: tuple[RelayedSample, ...]
+    next_sortie: SortieOutlook | None
+    """None after the last one."""
 
 
 RADIO_MESSAGES: tuple[type[Message], ...] = (
@@ -215,7 +248,20 @@ class MissionState(enum.Enum):
     RECOVERING = 'recovering'
     """The whole region is delivered; AUVs are still out."""
     COMPLETED = 'completed'
-    """Every AUV is up for recovery, its data is at C3 and the UAV is home."""
+    """Every AUV is lost or up for recovery with its data at C3, and the UAV is home."""
+
+
+class ContactState(enum.Enum):
+    """What it means that an AUV is not heard."""
+
+    EXPECTED_SILENT = 'expected_silent'
+    """It is under water, as planned."""
+    DUE = 'due'
+    """It must have surfaced by now; nobody has searched it yet."""
+    OVERDUE = 'overdue'
+    """It was searched in vain."""
+    LOST = 'lost'
+    """It was given up after so many searches in vain."""
 
 
 class AuvStatus(Message, frozen=True):
@@ -227,6 +273,12 @@ class AuvStatus(Message, frozen=True):
     """Where it can surface: the cells of its present leg."""
     surface_deadline_s: Seconds | None
     """When it is up at the latest; None once it stays up for recovery."""
+    contact: ContactState | None
+    """None once it stays up for recovery."""
+    next_contact_s: Seconds | None
+    """When the UAV will begin to search it; None where no sortie to it is planned."""
+    searches_in_vain: Count
+    """Since it was last met."""
     last_met_s: Seconds | None
     samples_delivered: Count
 
@@ -354,6 +406,26 @@ class Missed(Event, frozen=True):
     auv: Name
 
 
+class SearchBrokenOff(Event, frozen=True):
+    """UAV: turned home because to go on could break the sortie limit."""
+
+    sortie: Count
+    not_reached: tuple[Name, ...]
+
+
+class GivenUp(Event, frozen=True):
+    """UAV: took an AUV for lost; its cells go to the others."""
+
+    sortie: Count
+    auv: Name
+
+
+class HeardAgain(Event, frozen=True):
+    """UAV: heard an AUV that it had given up."""
+
+    auv: Name
+
+
 class SortieReturned(Event, frozen=True):
     """UAV: is back at C3."""
 
@@ -368,13 +440,16 @@ class SamplesDelivered(Event, frozen=True):
     samples: Count
     """New ones in this report."""
     cells_delivered: Count
+    oldest_age_s: Seconds | None
+    """How long ago the oldest of the new samples was taken; None where there is none."""
 
 
 class MissionCompleted(Event, frozen=True):
-    """C3: all AUVs are up for recovery, all their data is here and the UAV is home."""
+    """C3: each AUV is lost or up for recovery with its data here, and the UAV is home."""
 
     cells_delivered: Count
     samples_delivered: Count
+    lost: tuple[Name, ...]
 
 
 class MessageRefused(Event, frozen=True):
@@ -402,6 +477,9 @@ MissionEvent = (
     | SortieDeparted
     | Met
     | Missed
+    | SearchBrokenOff
+    | GivenUp
+    | HeardAgain
     | SortieReturned
     | SamplesDelivered
     | MissionCompleted

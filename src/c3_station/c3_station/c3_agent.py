@@ -118,13 +118,18 @@ class C3Agent:
                 auv.last_leg_id = meeting.next_leg.leg_id
         new = self._store(report.samples)
         delivered = SamplesDelivered(
-            sortie=report.sortie, samples=new, cells_delivered=len(self._cells)
+            sortie=report.sortie,
+            samples=new,
+            cells_delivered=len(self._cells),
+            oldest_age_s=None,
         )
         output: list[Output] = [acknowledgement, Log(delivered, now_s)]
         if all(auv.leg is None for auv in self._auvs.values()):
             self.finished = True
             completed = MissionCompleted(
-                cells_delivered=len(self._cells), samples_delivered=len(self._samples)
+                cells_delivered=len(self._cells),
+                samples_delivered=len(self._samples),
+                lost=(),
             )
             output.append(Log(completed, now_s))
         return output + self._show_survey(now_s) + self._show_status(now_s)
@@ -185,6 +190,9 @@ class C3Agent:
                     leg_id=auv.last_leg_id,
                     predicted_cells=auv.leg.path if auv.leg else (),
                     surface_deadline_s=auv.leg.surface_deadline_s if auv.leg else None,
+                    contact=None,
+                    next_contact_s=None,
+                    searches_in_vain=0,
                     last_met_s=auv.last_met_s,
                     samples_delivered=delivered_by_auv[name],
                 )
@@ -222,6 +230,8 @@ def _mission_order(scenario: Scenario, now_s: float) -> MissionOrder:
         path_cells=scenario.planner.path_cells,
         min_path_cells=scenario.planner.min_path_cells,
         surface_margin_s=scenario.sortie.surface_margin_s,
+        handover_s=scenario.sortie.handover_s,
+        lost_after_sorties=scenario.sortie.lost_after_sorties,
         auvs=tuple(
             AuvOrder(
                 name=auv.name,

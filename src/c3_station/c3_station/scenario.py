@@ -17,6 +17,7 @@ from msgs_json.messages import Name
 from uav_planner.candidate_paths import MOVES_MAX
 
 NotNegative = Annotated[float, msgspec.Meta(ge=0, le=1e6)]
+Wind = Annotated[float, msgspec.Meta(ge=-100, le=100)]
 PathCells = Annotated[int, msgspec.Meta(ge=1, le=MOVES_MAX)]
 
 RESERVED_NAMES = frozenset({'c3', 'diagnostics', 'recorder', 'uav', 'world'})
@@ -34,6 +35,9 @@ class Uav(Section, frozen=True, kw_only=True):
     altitude_m: Annotated[float, msgspec.Meta(ge=0, le=20_000)] = 30.0
     arrival_radius_m: Annotated[float, msgspec.Meta(ge=0, le=1000)] = 0.0
     """Closer than this to a waypoint counts as there; real vehicles need some metres."""
+    wind_east_mps: Wind = 0.0
+    """Steady wind over the simulated UAV, toward the east; planners do not know of it."""
+    wind_north_mps: Wind = 0.0
     driver: str = 'kinematic'
 
 
@@ -62,6 +66,10 @@ class Sortie(Section, frozen=True, kw_only=True):
     limit_s: Annotated[float, msgspec.Meta(gt=0, le=1e6)]
     surface_margin_s: NotNegative = 0.0
     """Added to every surface deadline S_i."""
+    handover_s: NotNegative = 0.0
+    """Kept free for each AUV met; what the radio needs beyond the moment of hearing it."""
+    lost_after_sorties: Annotated[int, msgspec.Meta(ge=1, le=1000)] = 3
+    """After so many searches in vain an AUV is lost, and the others survey its cells."""
 
 
 class PlannerChoice(Section, frozen=True, kw_only=True):

@@ -22,12 +22,14 @@ from msgs_json.drivers import find_driver, registered_drivers
 from msgs_json.geometry import path_problem
 from msgs_json.messages import (
     AuvOrder,
+    ExpectedContact,
     Leg,
     LegOutcome,
     Meeting,
     MissionOrder,
     RelayedSample,
     Sample,
+    SortieOutlook,
     SortieReport,
 )
 from uav_planner.planners import PLANNERS, make_planner
@@ -148,6 +150,8 @@ def _longest_order(scenario: Scenario) -> MissionOrder:
         path_cells=scenario.planner.path_cells,
         min_path_cells=scenario.planner.min_path_cells,
         surface_margin_s=scenario.sortie.surface_margin_s,
+        handover_s=scenario.sortie.handover_s,
+        lost_after_sorties=scenario.sortie.lost_after_sorties,
         auvs=tuple(
             AuvOrder(
                 name=auv.name, speed_mps=auv.speed_mps, leg=_wide_leg(len(auv.initial_path) - 1)
@@ -179,12 +183,19 @@ def _longest_report(scenario: Scenario) -> SortieReport:
             for name in names
         ),
         missed=names,
+        not_reached=names,
+        lost=names,
         samples=tuple(
             relayed
             for auv in scenario.auvs
             # The initial path may be longer than any that follows.
             for relayed in [RelayedSample(auv=auv.name, sample=sample)]
             * max(len(auv.initial_path), path_cells + 1)
+        ),
+        next_sortie=SortieOutlook(
+            departs_s=_WIDE_FLOAT,
+            returns_by_s=_WIDE_FLOAT,
+            contacts=tuple(ExpectedContact(auv=name, time_s=_WIDE_FLOAT) for name in names),
         ),
     )
 

@@ -313,7 +313,10 @@ class UavAgent:
                 returned_s=self._now_s,
                 meetings=tuple(self._meeting(*contact) for contact in sortie.met.values()),
                 missed=tuple(auv for auv in sortie.order if auv in sortie.missed),
+                not_reached=(),
+                lost=(),
                 samples=tuple(self._cargo.values()),
+                next_sortie=None,
             )
         )
         self._cargo.clear()
