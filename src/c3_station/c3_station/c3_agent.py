@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, version
 
@@ -11,13 +12,15 @@ from c3_station.mission_views import diagnostics, occupancy, survey_markers
 from c3_station.scenario import Scenario
 from msgs_json.agent import Log, Output, Publish, Refuse, Transmit
 from msgs_json.codec import Refusal
-from msgs_json.geometry import Cell, path_length_m, surface_deadline_s
+from msgs_json.geometry import Cell, is_before, path_length_m, surface_deadline_s
 from msgs_json.messages import (
     Acknowledged,
     Acknowledgement,
     AuvOrder,
     AuvStatus,
+    ContactState,
     Leg,
+    LegOutcome,
     Message,
     MissionCompleted,
     MissionOrder,
@@ -40,6 +43,34 @@ class _Auv:
     """None once it stays up for recovery."""
     last_leg_id: int = 0
     last_met_s: float | None = None
+    next_contact_s: float | None = None
+    """As the UAV said when it was last here."""
+    searches_in_vain: int = 0
+    """Since it was last met."""
+    lost: bool = False
+    asked_for_help: bool = False
+
+    @property
+    def is_out(self) -> bool:
+        """Return whether the UAV must still meet it before the mission can end."""
+        return self.leg is not None and not self.lost
+
+    def contact(self, now_s: float) -> ContactState | None:
+        """
+        Return what its silence means at a time; None once it stays up for recovery.
+
+        C3 knows what the UAV told it when it was last here. Until it is back only time goes on:
+        an AUV may be met long before C3 hears that it is no longer due.
+        """
+        if self.leg is None:
+            return None
+        if self.lost:
+            return ContactState.LOST
+        if self.searches_in_vain:
+            return ContactState.OVERDUE
+        if is_before(now_s, self.leg.surface_deadline_s):
+            return ContactState.EXPECTED_SILENT
+        return ContactState.DUE
 
 
 class C3Agent:
@@ -60,10 +91,11 @@ class C3Agent:
         """The survey, by AUV and sample number: each sample once, whatever is repeated."""
         self._cells: dict[Cell, float] = {}
         """Latest value delivered for each cell."""
-        self._shown_s: float | None = None
+        self._shown_s = -math.inf
+        self._shown_contacts: tuple[ContactState | None, ...] = ()
 
     def tick(self, now_s: float) -> list[Output]:
-        """Repeat the order until the UAV has it; show the status from time to time."""
+        """Repeat the order until the UAV has it; show the status when it changes, or is old."""
         output: list[Output] = []
         if self._order is None:
             self._order = _mission_order(self._scenario, now_s)
@@ -72,7 +104,8 @@ class C3Agent:
             output += self._show_survey(now_s)
         if not self._order_acknowledged:
             output.append(Transmit(self._uav, self._order))
-        if self._shown_s is None or now_s - self._shown_s >= self._status_period_s:
+        is_old = now_s - self._shown_s >= self._status_period_s
+        if is_old or self._contacts(now_s) != self._shown_contacts:
             output += self._show_status(now_s)
         return output
 
@@ -111,34 +144,56 @@ class C3Agent:
         if problem:
             return [Refuse(self._uav, Refusal.CONTRADICTORY, problem)]
         self._sorties = report.sortie
-        for meeting in report.meetings:
-            auv = self._auvs[meeting.auv]
-            auv.leg, auv.last_met_s = meeting.next_leg, meeting.time_s
-            if meeting.next_leg is not None:
-                auv.last_leg_id = meeting.next_leg.leg_id
+        self._note_contacts(report)
         new = self._store(report.samples)
         delivered = SamplesDelivered(
             sortie=report.sortie,
-            samples=new,
+            samples=len(new),
             cells_delivered=len(self._cells),
-            oldest_age_s=None,
+            oldest_age_s=_oldest_age_s(new, now_s),
         )
         output: list[Output] = [acknowledgement, Log(delivered, now_s)]
-        if all(auv.leg is None for auv in self._auvs.values()):
+        # A UAV that plans no further sortie while an AUV is out contradicts itself. Its data is
+        # taken all the same, but the mission is not over: people see who is out, and a later
+        # report may still bring it.
+        if report.next_sortie is None and not any(auv.is_out for auv in self._auvs.values()):
             self.finished = True
             completed = MissionCompleted(
                 cells_delivered=len(self._cells),
                 samples_delivered=len(self._samples),
-                lost=(),
+                lost=tuple(
+                    name
+                    for name, auv in self._auvs.items()
+                    if auv.contact(now_s) is ContactState.LOST
+                ),
             )
             output.append(Log(completed, now_s))
         return output + self._show_survey(now_s) + self._show_status(now_s)
+
+    def _note_contacts(self, report: SortieReport) -> None:
+        """Note who was met, who was searched in vain, who is lost, and who is next."""
+        for meeting in report.meetings:
+            auv = self._auvs[meeting.auv]
+            auv.leg, auv.last_met_s = meeting.next_leg, meeting.time_s
+            auv.searches_in_vain = 0
+            auv.asked_for_help = meeting.outcome is LegOutcome.ABORTED
+            if meeting.next_leg is not None:
+                auv.last_leg_id = meeting.next_leg.leg_id
+        for name in report.missed:
+            self._auvs[name].searches_in_vain += 1
+        contacts = report.next_sortie.contacts if report.next_sortie else ()
+        next_contact_s = {contact.auv: contact.time_s for contact in contacts}
+        for name, auv in self._auvs.items():
+            auv.lost = name in report.lost
+            auv.next_contact_s = next_contact_s.get(name)
 
     def _problem_with(self, report: SortieReport) -> str | None:
         """Return what contradicts the mission, or None."""
         if report.sortie != self._sorties + 1:  # a gap would lose meetings and samples
             return f'sortie must be {self._sorties + 1}, is {report.sortie}'
-        named = {meeting.auv for meeting in report.meetings} | {s.auv for s in report.samples}
+        contacts = report.next_sortie.contacts if report.next_sortie else ()
+        named = {*report.missed, *report.not_reached, *report.lost}
+        named |= {each.auv for each in (*report.meetings, *report.samples, *contacts)}
         unknown = named - self._auvs.keys()
         if unknown:
             return f'it names {", ".join(sorted(unknown))}, not in this mission'
@@ -148,13 +203,16 @@ class C3Agent:
                 return f'a sample of {item.auv} is from cell {cell}, outside the region'
         return None
 
-    def _store(self, relayed: tuple[RelayedSample, ...]) -> int:
-        """Store the samples that are not here yet and return how many there were."""
-        known = len(self._samples)
+    def _store(self, relayed: tuple[RelayedSample, ...]) -> list[Sample]:
+        """Store samples and return those that were not here yet."""
+        new = []
         for item in relayed:
-            self._samples[item.auv, item.sample.number] = item.sample
+            key = (item.auv, item.sample.number)
+            if key not in self._samples:
+                new.append(item.sample)
+            self._samples[key] = item.sample
             self._cells[item.sample.cell] = item.sample.value
-        return len(self._samples) - known
+        return new
 
     # --- what people see -------------------------------------------------------------------------
 
@@ -166,14 +224,18 @@ class C3Agent:
         ]
 
     def _show_status(self, now_s: float) -> list[Output]:
-        self._shown_s = now_s
-        status = self._status()
+        self._shown_s, self._shown_contacts = now_s, self._contacts(now_s)
+        status = self._status(now_s)
+        asked_for_help = [name for name, auv in self._auvs.items() if auv.asked_for_help]
         return [
             Publish(MISSION_STATUS, status),
-            Publish(DIAGNOSTICS, diagnostics(status, now_s)),
+            Publish(DIAGNOSTICS, diagnostics(status, asked_for_help, now_s)),
         ]
 
-    def _status(self) -> MissionStatus:
+    def _contacts(self, now_s: float) -> tuple[ContactState | None, ...]:
+        return tuple(auv.contact(now_s) for auv in self._auvs.values())
+
+    def _status(self, now_s: float) -> MissionStatus:
         delivered_by_auv = dict.fromkeys(self._auvs, 0)
         for name, _ in self._samples:
             delivered_by_auv[name] += 1
@@ -190,9 +252,9 @@ class C3Agent:
                     leg_id=auv.last_leg_id,
                     predicted_cells=auv.leg.path if auv.leg else (),
                     surface_deadline_s=auv.leg.surface_deadline_s if auv.leg else None,
-                    contact=None,
-                    next_contact_s=None,
-                    searches_in_vain=0,
+                    contact=auv.contact(now_s),
+                    next_contact_s=auv.next_contact_s,
+                    searches_in_vain=auv.searches_in_vain,
                     last_met_s=auv.last_met_s,
                     samples_delivered=delivered_by_auv[name],
                 )
@@ -208,6 +270,14 @@ class C3Agent:
         if len(self._cells) == self._scenario.region.cells_total:
             return MissionState.RECOVERING
         return MissionState.SURVEYING
+
+
+def _oldest_age_s(samples: list[Sample], now_s: float) -> float | None:
+    """Return how long ago the oldest sample was taken; None where there is none."""
+    if not samples:
+        return None
+    # At sea an AUV's clock may be a little ahead of C3's.
+    return max(0.0, now_s - min(sample.entered_s for sample in samples))
 
 
 def _mission_order(scenario: Scenario, now_s: float) -> MissionOrder:

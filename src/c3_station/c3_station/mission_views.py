@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping, Sequence
 
 from msgs_json.geometry import Cell, GridSpec, Point
-from msgs_json.messages import MissionStatus
+from msgs_json.messages import AuvStatus, ContactState, MissionStatus
 from msgs_json.ros_messages import (
     ColouredCells,
     Diagnostic,
@@ -16,6 +16,9 @@ from msgs_json.ros_messages import (
 
 UNKNOWN = -1
 SURVEYED = 0
+
+OK, WARN, ERROR = 0, 1, 2
+"""Levels of diagnostic_msgs/DiagnosticStatus."""
 
 # Ends and middle of the cividis colour map, which reads the same with any colour vision.
 _LOW, _MIDDLE, _HIGH = (0.0, 0.13, 0.30), (0.49, 0.48, 0.47), (1.0, 0.91, 0.27)
@@ -52,11 +55,17 @@ def survey_markers(
     return Markers(stamp_s=now_s, cells=(survey, station))
 
 
-def diagnostics(status: MissionStatus, now_s: float) -> Diagnostics:
-    """Return the mission's state and each AUV's as diagnostics (REP-107)."""
+def diagnostics(
+    status: MissionStatus, asked_for_help: Collection[str], now_s: float
+) -> Diagnostics:
+    """
+    Return the mission's state and each AUV's as diagnostics (REP-107).
+
+    Silence is no failure: an AUV under water, or one that nobody has searched yet, is OK.
+    """
     mission = Diagnostic(
         name='c3: mission',
-        level=0,
+        level=OK,
         message=status.state.value,
         values=(
             ('sorties', str(status.sorties)),
@@ -64,21 +73,32 @@ def diagnostics(status: MissionStatus, now_s: float) -> Diagnostics:
             ('samples delivered', str(status.samples_delivered)),
         ),
     )
-    vehicles = tuple(
-        Diagnostic(
-            name=f'c3: {auv.name}',
-            level=0,
-            message='survey' if auv.surface_deadline_s is not None else 'recovered',
-            values=(
-                ('leg', str(auv.leg_id)),
-                ('surfaced at the latest, s', _text(auv.surface_deadline_s)),
-                ('last met, s', _text(auv.last_met_s)),
-                ('samples delivered', str(auv.samples_delivered)),
-            ),
-        )
-        for auv in status.auvs
-    )
+    vehicles = tuple(_auv_diagnostic(auv, auv.name in asked_for_help) for auv in status.auvs)
     return Diagnostics(stamp_s=now_s, statuses=(mission, *vehicles))
+
+
+def _auv_diagnostic(auv: AuvStatus, asked_for_help: bool) -> Diagnostic:
+    level = OK
+    if auv.contact is ContactState.LOST:
+        level = ERROR
+    elif auv.contact is ContactState.OVERDUE or asked_for_help:
+        level = WARN
+    state = 'recovered' if auv.contact is None else auv.contact.value.replace('_', ' ')
+    return Diagnostic(
+        name=f'c3: {auv.name}',
+        level=level,
+        message=f'{state}, asked for help' if asked_for_help else state,
+        values=(
+            ('leg', str(auv.leg_id)),
+            ('can surface in', _cells_text(auv.predicted_cells)),
+            ('surfaced at the latest, s', _text(auv.surface_deadline_s)),
+            ('next contact, s', _text(auv.next_contact_s)),
+            ('searches in vain', str(auv.searches_in_vain)),
+            ('last met, s', _text(auv.last_met_s)),
+            ('asked for help', 'yes' if asked_for_help else 'no'),
+            ('samples delivered', str(auv.samples_delivered)),
+        ),
+    )
 
 
 def _colour(share: float) -> tuple[float, float, float]:
@@ -92,3 +112,11 @@ def _colour(share: float) -> tuple[float, float, float]:
 
 def _text(time_s: float | None) -> str:
     return '-' if time_s is None else f'{time_s:g}'
+
+
+def _cells_text(path: Sequence[Cell]) -> str:
+    """Return the cells of a path by its ends, however long it is."""
+    if not path:
+        return '-'
+    first, last = path[0], path[-1]
+    return f'[{first[0]}, {first[1]}] ... [{last[0]}, {last[1]}], {len(path)} cells'

@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import hypothesis.strategies as st
 import msgspec
 import pytest
@@ -13,7 +15,10 @@ from msgs_json.geometry import Cell, GridSpec, Point
 from msgs_json.messages import (
     Acknowledged,
     Acknowledgement,
+    AuvStatus,
+    ContactState,
     Event,
+    ExpectedContact,
     Leg,
     LegOutcome,
     Meeting,
@@ -26,6 +31,7 @@ from msgs_json.messages import (
     RelayedSample,
     Sample,
     SamplesDelivered,
+    SortieOutlook,
     SortieReport,
 )
 from msgs_json.ros_messages import Diagnostics, Markers, Occupancy
@@ -42,7 +48,7 @@ SCENARIO = Scenario(
         Auv(name='auv_2', initial_path=((0, 1), (1, 1)), speed_mps=0.6),
     ),
     radio=Radio(range_m=12.0),
-    sortie=Sortie(limit_s=40.0, surface_margin_s=2.0),
+    sortie=Sortie(limit_s=40.0, surface_margin_s=2.0, handover_s=0.5, lost_after_sorties=2),
     planner=PlannerChoice(name='ecc2009', path_cells=3, min_path_cells=2),
     seed=7,
     max_mission_s=500.0,
@@ -69,6 +75,13 @@ class Bench:
         self.hear(ORDER_TAKEN)
         return self
 
+    def wait_until(self, time_s: float) -> list[Output]:
+        """Tick up to a time and return what was put out on the way."""
+        output: list[Output] = []
+        while self.now_s < time_s:
+            output += self.tick()
+        return output
+
 
 ORDER_TAKEN = Acknowledgement(acknowledges=Acknowledged.MISSION_ORDER, reference=0)
 
@@ -79,36 +92,71 @@ def taken(sortie: int) -> Transmit:
     )
 
 
+def delivered(
+    sortie: int, samples: int, *, cells: int, age_s: float | None = 0.0
+) -> SamplesDelivered:
+    return SamplesDelivered(
+        sortie=sortie, samples=samples, cells_delivered=cells, oldest_age_s=age_s
+    )
+
+
 def leg(auv: str, leg_id: int) -> Leg:
     col, row = (1, 0) if auv == 'auv_1' else (1, 1)
     return Leg(leg_id=leg_id, path=((col, row), (col + 1, row)), surface_deadline_s=90.0)
 
 
-def meeting(auv: str, leg_id: int = 0, *, is_last: bool = False) -> Meeting:
+def meeting(
+    auv: str,
+    leg_id: int = 0,
+    *,
+    is_last: bool = False,
+    outcome: LegOutcome = LegOutcome.COMPLETED,
+) -> Meeting:
     return Meeting(
         auv=auv,
         time_s=14.0,
         cell=(1, 0),
         ended_leg_id=leg_id,
-        outcome=LegOutcome.COMPLETED,
+        outcome=outcome,
         next_leg=None if is_last else leg(auv, leg_id + 1),
     )
 
 
-def sample(auv: str, number: int, cell: Cell, value: float = 1.0) -> RelayedSample:
+def sample(
+    auv: str, number: int, cell: Cell, value: float = 1.0, *, entered_s: float = 0.0
+) -> RelayedSample:
     return RelayedSample(
-        auv=auv, sample=Sample(number=number, cell=cell, entered_s=0.0, value=value)
+        auv=auv, sample=Sample(number=number, cell=cell, entered_s=entered_s, value=value)
     )
 
 
-def report(sortie: int, *parts: Meeting | RelayedSample) -> SortieReport:
+def report(
+    sortie: int,
+    *parts: Meeting | RelayedSample,
+    missed: tuple[str, ...] = (),
+    not_reached: tuple[str, ...] = (),
+    lost: tuple[str, ...] = (),
+    contacts_s: Mapping[str, float] | None = None,
+    is_last: bool = False,
+) -> SortieReport:
+    """Return a report with the next sortie's contacts; with none of it where it is the last."""
+    outlook = SortieOutlook(
+        departs_s=60.0,
+        returns_by_s=100.0,
+        contacts=tuple(
+            ExpectedContact(auv=auv, time_s=time_s) for auv, time_s in (contacts_s or {}).items()
+        ),
+    )
     return SortieReport(
         sortie=sortie,
         departed_s=6.0,
         returned_s=44.0,
         meetings=tuple(part for part in parts if isinstance(part, Meeting)),
-        missed=(),
+        missed=missed,
+        not_reached=not_reached,
+        lost=lost,
         samples=tuple(part for part in parts if isinstance(part, RelayedSample)),
+        next_sortie=None if is_last else outlook,
     )
 
 
@@ -131,6 +179,14 @@ def status(output: list[Output]) -> MissionStatus:
     message = shown(output, MISSION_STATUS)
     assert isinstance(message, MissionStatus)
     return message
+
+
+def auvs(output: list[Output]) -> dict[str, AuvStatus]:
+    return {auv.name: auv for auv in status(output).auvs}
+
+
+def contacts(output: list[Output]) -> list[ContactState | None]:
+    return [auv.contact for auv in status(output).auvs]
 
 
 def refused(output: list[Output]) -> Refusal:
@@ -158,6 +214,7 @@ def test_the_order_is_the_scenario_seen_from_the_uav() -> None:
     assert (order.mission_id, order.region, order.c3) == ('pond', SCENARIO.region, SCENARIO.c3)
     assert (order.radio_range_m, order.sortie_limit_s) == (12.0, 40.0)
     assert (order.path_cells, order.min_path_cells, order.surface_margin_s) == (3, 2, 2.0)
+    assert (order.handover_s, order.lost_after_sorties) == (0.5, 2)
     assert [(auv.name, auv.speed_mps) for auv in order.auvs] == [('auv_1', 1.0), ('auv_2', 0.6)]
     # 10 m at 1 m/s and at 0.6 m/s (16.7 s, so 18.7 s with the margin: 19 ticks), from t = 0.
     deadlines_s = [auv.leg.surface_deadline_s for auv in order.auvs]
@@ -191,7 +248,7 @@ def test_a_report_is_acknowledged_and_stored() -> None:
         report(1, meeting('auv_1'), sample('auv_1', 0, (0, 0)), sample('auv_1', 1, (1, 0), 3.0))
     )
     assert output[0] == taken(1)
-    assert events(output) == [SamplesDelivered(sortie=1, samples=2, cells_delivered=2)]
+    assert events(output) == [delivered(1, 2, cells=2)]
     grid = shown(output, EXPLORATION_MAP)
     assert isinstance(grid, Occupancy)
     assert grid.values == ((0, 0, -1), (-1, -1, -1))
@@ -215,14 +272,14 @@ def test_a_sample_that_comes_twice_counts_once() -> None:
     bench = Bench().surveying()
     bench.hear(report(1, sample('auv_1', 0, (0, 0))))
     output = bench.hear(report(2, sample('auv_1', 0, (0, 0)), sample('auv_2', 0, (0, 1))))
-    assert events(output) == [SamplesDelivered(sortie=2, samples=1, cells_delivered=2)]
+    assert events(output) == [delivered(2, 1, cells=2)]
     assert status(output).samples_delivered == 2
 
 
 def test_two_samples_of_a_cell_are_two_samples_and_one_cell() -> None:
     bench = Bench().surveying()
     output = bench.hear(report(1, sample('auv_1', 0, (0, 0)), sample('auv_1', 2, (0, 0))))
-    assert events(output) == [SamplesDelivered(sortie=1, samples=2, cells_delivered=1)]
+    assert events(output) == [delivered(1, 2, cells=1)]
 
 
 @pytest.mark.parametrize(
@@ -233,8 +290,15 @@ def test_two_samples_of_a_cell_are_two_samples_and_one_cell() -> None:
         report(1, sample('auv_9', 0, (0, 0))),
         report(1, sample('auv_1', 0, (3, 0))),
         report(1, meeting('auv_1'), sample('auv_1', 0, (0, 0)), sample('c3', 1, (0, 0))),
+        report(1, sample('auv_1', 0, (0, 0)), missed=('auv_9',)),
+        report(1, sample('auv_1', 0, (0, 0)), not_reached=('auv_9',)),
+        report(1, sample('auv_1', 0, (0, 0)), lost=('auv_9',)),
+        report(1, sample('auv_1', 0, (0, 0)), contacts_s={'auv_9': 70.0}),
     ],
-    ids=['gap', 'unknown_auv_met', 'unknown_auv_sampled', 'outside', 'one_of_three'],
+    ids=[
+        *('gap', 'unknown_auv_met', 'unknown_auv_sampled', 'outside', 'one_of_three'),
+        *('unknown_missed', 'unknown_not_reached', 'unknown_lost', 'unknown_next'),
+    ],
 )
 def test_a_report_that_cannot_be_is_refused_as_a_whole(bad: SortieReport) -> None:
     bench = Bench().surveying()
@@ -242,6 +306,24 @@ def test_a_report_that_cannot_be_is_refused_as_a_whole(bad: SortieReport) -> Non
     output = bench.hear(report(1, sample('auv_2', 0, (0, 1))))
     assert output[0] == taken(1)
     assert status(output).samples_delivered == 1
+
+
+def test_the_age_of_a_delivery_is_that_of_its_oldest_new_sample() -> None:
+    bench = Bench().surveying()
+    bench.wait_until(44.0)
+    old, older = (sample('auv_1', n, (n, 0), entered_s=20.0 - 10.0 * n) for n in (0, 1))
+    assert events(bench.hear(report(1, old)))[0] == delivered(1, 1, cells=1, age_s=24.0)
+    bench.wait_until(50.0)
+    assert events(bench.hear(report(2, old, older)))[0] == delivered(2, 1, cells=2, age_s=40.0)
+    repeated = bench.hear(report(3, old, older))  # of which nothing is new
+    assert events(repeated)[0] == delivered(3, 0, cells=2, age_s=None)
+
+
+def test_a_sample_from_the_future_has_no_age() -> None:
+    # At sea clocks differ a little; a negative age would be refused by whoever reads it.
+    bench = Bench().surveying()
+    output = bench.hear(report(1, sample('auv_1', 0, (0, 0), entered_s=2.5)))
+    assert events(output)[0] == delivered(1, 1, cells=1, age_s=0.0)
 
 
 def test_other_messages_are_refused() -> None:
@@ -255,6 +337,10 @@ def test_other_messages_are_refused() -> None:
 # --- the end -------------------------------------------------------------------------------------
 
 
+def completed(samples: int, *, cells: int, lost: tuple[str, ...] = ()) -> MissionCompleted:
+    return MissionCompleted(cells_delivered=cells, samples_delivered=samples, lost=lost)
+
+
 def test_the_mission_is_complete_when_every_auv_stays_up_and_its_data_is_here() -> None:
     bench = Bench().surveying()
     cells = [(col, row) for col in range(3) for row in range(2)]
@@ -262,10 +348,120 @@ def test_the_mission_is_complete_when_every_auv_stays_up_and_its_data_is_here() 
     output = bench.hear(report(1, meeting('auv_1', is_last=True), *samples))
     assert not bench.agent.finished
     assert status(output).state is MissionState.RECOVERING
-    output = bench.hear(report(2, meeting('auv_2', is_last=True), sample('auv_2', 0, (0, 1))))
+    last = (meeting('auv_2', is_last=True), sample('auv_2', 0, (0, 1)))
+    output = bench.hear(report(2, *last, is_last=True))
     assert bench.agent.finished
-    assert events(output)[-1] == MissionCompleted(cells_delivered=6, samples_delivered=7)
+    assert events(output)[-1] == completed(7, cells=6)
     assert status(output).state is MissionState.COMPLETED
+    assert contacts(output) == [None, None]
+
+
+def test_the_mission_ends_without_a_lost_auv_and_says_so() -> None:
+    bench = Bench().surveying()
+    bench.hear(report(1, meeting('auv_1', is_last=True), sample('auv_1', 0, (0, 0))))
+    output = bench.hear(report(2, missed=('auv_2',), lost=('auv_2',), is_last=True))
+    assert bench.agent.finished
+    assert events(output)[-1] == completed(1, cells=1, lost=('auv_2',))
+    assert contacts(output) == [None, ContactState.LOST]
+
+
+def test_the_mission_ends_unexplored_when_all_are_lost_or_asked_for_help() -> None:
+    bench = Bench().surveying()
+    aborted = meeting('auv_1', is_last=True, outcome=LegOutcome.ABORTED)
+    output = bench.hear(report(1, aborted, missed=('auv_2',), lost=('auv_2',), is_last=True))
+    assert events(output)[-1] == completed(0, cells=0, lost=('auv_2',))
+    assert status(output).state is MissionState.COMPLETED
+
+
+def test_the_mission_goes_on_while_the_uav_will_fly_again() -> None:
+    # It may still look for a lost one.
+    bench = Bench().surveying()
+    bench.hear(report(1, meeting('auv_1', is_last=True), lost=('auv_2',)))
+    assert not bench.agent.finished
+    bench.hear(report(2, meeting('auv_2', is_last=True), is_last=True))
+    assert bench.agent.finished
+
+
+def test_a_last_report_while_an_auv_is_out_ends_nothing_and_loses_nothing() -> None:
+    bench = Bench().surveying()
+    contradictory = report(1, meeting('auv_1'), sample('auv_1', 0, (0, 0)), is_last=True)
+    output = bench.hear(contradictory)
+    assert output[0] == taken(1)
+    assert not bench.agent.finished
+    assert status(output).samples_delivered == 1
+    both = (meeting('auv_1', 1, is_last=True), meeting('auv_2', is_last=True))
+    bench.hear(report(2, *both, is_last=True))
+    assert bench.agent.finished
+
+
+# --- silence is not failure ----------------------------------------------------------------------
+
+
+def test_silence_is_expected_until_the_deadline_and_then_it_is_due() -> None:
+    bench = Bench()
+    assert contacts(bench.tick()) == [ContactState.EXPECTED_SILENT] * 2
+    bench.hear(ORDER_TAKEN)
+    bench.wait_until(11.0)
+    assert contacts(bench.tick()) == [ContactState.DUE, ContactState.EXPECTED_SILENT]  # 12 s
+    bench.wait_until(18.0)
+    assert contacts(bench.tick()) == [ContactState.DUE] * 2  # 19 s
+
+
+def test_who_was_searched_in_vain_is_overdue_until_it_is_met() -> None:
+    bench = Bench().surveying()
+    first = auvs(bench.hear(report(1, missed=('auv_1',), not_reached=('auv_2',))))
+    assert (first['auv_1'].contact, first['auv_1'].searches_in_vain) == (ContactState.OVERDUE, 1)
+    # Not searched to the end: nothing was learned of it.
+    assert first['auv_2'].contact is ContactState.EXPECTED_SILENT
+    assert first['auv_2'].searches_in_vain == 0
+    again = auvs(bench.hear(report(2, missed=('auv_1',))))
+    assert (again['auv_1'].contact, again['auv_1'].searches_in_vain) == (ContactState.OVERDUE, 2)
+    met = auvs(bench.hear(report(3, meeting('auv_1'))))
+    assert met['auv_1'].contact is ContactState.EXPECTED_SILENT
+    assert met['auv_1'].searches_in_vain == 0
+
+
+def test_lost_is_who_the_uav_gave_up_until_it_is_heard_again() -> None:
+    bench = Bench().surveying()
+    bench.hear(report(1, missed=('auv_1',)))
+    lost = auvs(bench.hear(report(2, missed=('auv_1',), lost=('auv_1',))))['auv_1']
+    assert lost.contact is ContactState.LOST
+    assert lost.predicted_cells == ((0, 0), (1, 0))  # where to look for it
+    still = auvs(bench.hear(report(3, lost=('auv_1',))))['auv_1']
+    assert (still.contact, still.searches_in_vain) == (ContactState.LOST, 2)
+    output = bench.hear(report(4, meeting('auv_1'), sample('auv_1', 0, (0, 0))))
+    assert auvs(output)['auv_1'].contact is ContactState.EXPECTED_SILENT
+    assert auvs(output)['auv_1'].samples_delivered == 1
+    bench.wait_until(89.0)
+    assert contacts(bench.tick())[0] is ContactState.DUE
+
+
+def test_the_next_contact_is_what_the_uav_plans() -> None:
+    bench = Bench()
+    assert auvs(bench.tick())['auv_1'].next_contact_s is None
+    bench.hear(ORDER_TAKEN)
+    planned = auvs(bench.hear(report(1, contacts_s={'auv_1': 70.0, 'auv_2': 82.5})))
+    assert [auv.next_contact_s for auv in planned.values()] == [70.0, 82.5]
+    later = auvs(
+        bench.hear(report(2, meeting('auv_1', is_last=True), contacts_s={'auv_2': 130.0}))
+    )
+    assert [auv.next_contact_s for auv in later.values()] == [None, 130.0]
+
+
+def test_a_repeated_report_counts_no_search_twice() -> None:
+    bench = Bench().surveying()
+    missed = report(1, missed=('auv_1',))
+    bench.hear(missed)
+    assert bench.hear(missed) == [taken(1)]
+    again = bench.hear(report(2))
+    assert auvs(again)['auv_1'].searches_in_vain == 1
+
+
+def test_a_change_is_shown_at_once_and_only_once() -> None:
+    bench = Bench().surveying()
+    shown_s = [bench.now_s for _ in range(35) if any(isinstance(o, Publish) for o in bench.tick())]
+    # Every 10 s after the last time; auv_1 is due at 12 s, auv_2 at 19 s.
+    assert shown_s == [10.0, 12.0, 19.0, 29.0]
 
 
 # --- what people see -----------------------------------------------------------------------------
@@ -285,10 +481,13 @@ def test_before_anything_is_delivered_nothing_is_known() -> None:
     assert isinstance(shown(output, DIAGNOSTICS), Diagnostics)
 
 
-def test_the_status_is_shown_once_a_period() -> None:
+def test_diagnostics_name_who_asked_for_help() -> None:
     bench = Bench().surveying()
-    times_s = [bench.now_s for _ in range(35) if any(isinstance(o, Publish) for o in bench.tick())]
-    assert times_s == [10.0, 20.0, 30.0]
+    aborted = meeting('auv_2', is_last=True, outcome=LegOutcome.ABORTED)
+    shown_diagnostics = shown(bench.hear(report(1, meeting('auv_1'), aborted)), DIAGNOSTICS)
+    assert isinstance(shown_diagnostics, Diagnostics)
+    _, first, second = shown_diagnostics.statuses
+    assert [dict(each.values)['asked for help'] for each in (first, second)] == ['no', 'yes']
 
 
 def test_what_is_known_of_an_auv_follows_its_meetings() -> None:
@@ -309,8 +508,15 @@ names = st.sampled_from(['auv_1', 'auv_2', 'auv_3'])
 few = st.integers(0, 3)
 samples_of_any = st.builds(sample, names, few, st.tuples(st.integers(0, 3), st.integers(0, 1)))
 meetings_of_any = st.builds(meeting, names, few, is_last=st.booleans())
-reports = st.tuples(st.integers(1, 4), st.lists(samples_of_any | meetings_of_any, max_size=6)).map(
-    lambda parts: report(parts[0], *parts[1])
+some = st.lists(names, max_size=2).map(tuple)
+reports = st.builds(
+    lambda sortie, parts, **said: report(sortie, *parts, **said),
+    st.integers(1, 4),
+    st.lists(samples_of_any | meetings_of_any, max_size=6),
+    missed=some,
+    lost=some,
+    contacts_s=st.dictionaries(names, st.floats(0.0, 100.0), max_size=2),
+    is_last=st.booleans(),
 )
 answers = st.builds(
     Acknowledgement, acknowledges=st.sampled_from(Acknowledged), reference=st.integers(0, 3)
@@ -324,11 +530,17 @@ def test_whatever_it_hears_it_counts_what_it_acknowledged_once(
     bench = Bench()
     bench.tick()
     stored: set[tuple[str, int]] = set()
-    delivered = 0
+    counted = 0
     for message in inputs:
         output = bench.tick() if message is None else bench.hear(message)
         if isinstance(message, SortieReport) and len(output) > 1:
             assert output[0] == taken(message.sortie)
             stored |= {(each.auv, each.sample.number) for each in message.samples}
-        delivered += sum(e.samples for e in events(output) if isinstance(e, SamplesDelivered))
-        assert delivered == len(stored)
+        counted += sum(e.samples for e in events(output) if isinstance(e, SamplesDelivered))
+        assert counted == len(stored)
+        for each in output:
+            if isinstance(each, Publish) and isinstance(each.message, MissionStatus):
+                ended = each.message.state is MissionState.COMPLETED
+                out = {auv.contact for auv in each.message.auvs} - {None, ContactState.LOST}
+                assert not (ended and out)
+                assert ended == bench.agent.finished

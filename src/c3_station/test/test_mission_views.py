@@ -1,12 +1,13 @@
 from __future__ import annotations
 
 import hypothesis.strategies as st
+import pytest
 from hypothesis import given
 
 from c3_station.mission_views import diagnostics, occupancy, survey_markers
 from msgs_json.geometry import Cell, GridSpec, Point
-from msgs_json.messages import AuvStatus, MissionState, MissionStatus
-from msgs_json.ros_messages import to_cdr
+from msgs_json.messages import AuvStatus, ContactState, MissionState, MissionStatus
+from msgs_json.ros_messages import Diagnostic, to_cdr
 
 REGION = GridSpec(cols=3, rows=2, cell_m=10.0)
 C3 = Point(east_m=50.0, north_m=0.0)
@@ -50,33 +51,91 @@ def test_every_survey_can_be_drawn(survey: dict[Cell, float]) -> None:
     assert to_cdr(occupancy(REGION, survey, 0.0))
 
 
-def auv_status(name: str, deadline_s: float | None, last_met_s: float | None) -> AuvStatus:
+def auv_status(
+    name: str,
+    contact: ContactState | None,
+    *,
+    last_met_s: float | None = None,
+    searches_in_vain: int = 0,
+) -> AuvStatus:
+    is_up = contact is None
     return AuvStatus(
         name=name,
         leg_id=3,
-        predicted_cells=(),
-        surface_deadline_s=deadline_s,
+        predicted_cells=() if is_up else ((0, 0), (1, 0), (1, 1), (2, 1)),
+        surface_deadline_s=None if is_up else 90.0,
+        contact=contact,
+        next_contact_s=None if is_up else 104.5,
+        searches_in_vain=searches_in_vain,
         last_met_s=last_met_s,
         samples_delivered=4,
     )
 
 
-def test_diagnostics_show_the_mission_and_every_auv() -> None:
-    status = MissionStatus(
+def mission_status(*auvs: AuvStatus) -> MissionStatus:
+    return MissionStatus(
         mission_id='pond',
         state=MissionState.SURVEYING,
         sorties=2,
         cells_total=6,
         cells_delivered=5,
         samples_delivered=9,
-        auvs=(auv_status('auv_1', 90.0, 0.0), auv_status('auv_2', None, None)),
+        auvs=auvs,
     )
-    mission, first, second = diagnostics(status, 44.0).statuses
+
+
+def auv_diagnostic(auv: AuvStatus, *, asked_for_help: bool = False) -> Diagnostic:
+    helpless = [auv.name] if asked_for_help else []
+    _, diagnostic = diagnostics(mission_status(auv), helpless, 44.0).statuses
+    return diagnostic
+
+
+def test_diagnostics_show_the_mission_and_every_auv() -> None:
+    status = mission_status(
+        auv_status('auv_1', ContactState.EXPECTED_SILENT, last_met_s=0.0),
+        auv_status('auv_2', None),
+    )
+    shown = diagnostics(status, [], 44.0)
+    mission, first, second = shown.statuses
     assert (mission.name, mission.level, mission.message) == ('c3: mission', 0, 'surveying')
     assert dict(mission.values)['cells delivered'] == '5 of 6'
-    assert (first.name, first.message) == ('c3: auv_1', 'survey')
-    values = dict(first.values)
-    assert (values['surfaced at the latest, s'], values['last met, s']) == ('90', '0')
-    assert second.message == 'recovered'
-    assert dict(second.values)['surfaced at the latest, s'] == '-'
-    assert to_cdr(diagnostics(status, 44.0))
+    assert (first.name, first.message) == ('c3: auv_1', 'expected silent')
+    assert dict(first.values) == {
+        'leg': '3',
+        'can surface in': '[0, 0] ... [2, 1], 4 cells',
+        'surfaced at the latest, s': '90',
+        'next contact, s': '104.5',
+        'searches in vain': '0',
+        'last met, s': '0',
+        'asked for help': 'no',
+        'samples delivered': '4',
+    }
+    values = dict(second.values)
+    assert (second.name, second.message) == ('c3: auv_2', 'recovered')
+    assert {values['can surface in'], values['surfaced at the latest, s']} == {'-'}
+    assert {values['next contact, s'], values['last met, s']} == {'-'}
+    assert to_cdr(shown)
+
+
+@pytest.mark.parametrize(
+    ('contact', 'level'),
+    [
+        (ContactState.EXPECTED_SILENT, 0),
+        (ContactState.DUE, 0),
+        (ContactState.OVERDUE, 1),
+        (ContactState.LOST, 2),
+        (None, 0),
+    ],
+)
+def test_silence_is_no_failure_until_somebody_searched(
+    contact: ContactState | None, level: int
+) -> None:
+    diagnostic = auv_diagnostic(auv_status('auv_1', contact, searches_in_vain=2))
+    assert diagnostic.level == level
+    assert dict(diagnostic.values)['searches in vain'] == '2'
+
+
+def test_who_asked_for_help_is_a_warning_though_it_is_recovered() -> None:
+    diagnostic = auv_diagnostic(auv_status('auv_1', None), asked_for_help=True)
+    assert (diagnostic.level, diagnostic.message) == (1, 'recovered, asked for help')
+    assert dict(diagnostic.values)['asked for help'] == 'yes'
