@@ -180,8 +180,17 @@ LIE = SurfacingReport(
     samples=(),
 )
 EMPTY_REPORT = SortieReport(
-    sortie=1, departed_s=0.0, returned_s=1.0, meetings=(), missed=(), samples=()
+    sortie=1,
+    departed_s=0.0,
+    returned_s=1.0,
+    meetings=(),
+    missed=(),
+    not_reached=(),
+    lost=('auv_1', 'auv_2'),
+    samples=(),
+    next_sortie=None,
 )
+"""If C3 believed it, the mission would be over."""
 MY_REPORT = sent(LIE, src=MALLORY, dst='uav')
 
 

@@ -128,7 +128,7 @@ class C3Agent:
             scenario=msgspec.Raw(msgspec.json.encode(self._scenario)),
             planner=self._scenario.planner.name,
             seed=self._scenario.seed,
-            software_version=_software_version(),
+            software_version=software_version(),
         )
 
     # --- custody ---------------------------------------------------------------------------------
@@ -193,7 +193,8 @@ class C3Agent:
             return f'sortie must be {self._sorties + 1}, is {report.sortie}'
         contacts = report.next_sortie.contacts if report.next_sortie else ()
         named = {*report.missed, *report.not_reached, *report.lost}
-        named |= {each.auv for each in (*report.meetings, *report.samples, *contacts)}
+        named |= {meeting.auv for meeting in report.meetings}
+        named |= {item.auv for item in report.samples} | {each.auv for each in contacts}
         unknown = named - self._auvs.keys()
         if unknown:
             return f'it names {", ".join(sorted(unknown))}, not in this mission'
@@ -313,7 +314,8 @@ def _mission_order(scenario: Scenario, now_s: float) -> MissionOrder:
     )
 
 
-def _software_version() -> str:
+def software_version() -> str:
+    """Return the version of this software as it is installed."""
     try:
         return version('c3_station')
     except PackageNotFoundError:
