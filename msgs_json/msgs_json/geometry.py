@@ -90,6 +90,24 @@ class GridSpec(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=
         row = math.floor(point.north_m / self.cell_m)
         return (min(max(col, 0), self.cols - 1), min(max(row, 0), self.rows - 1))
 
+    def neighbour_toward(self, cell: Cell, point: Point) -> Cell | None:
+        """Return the neighbour on whose side of a cell's centre a point lies, None if on none."""
+        centre = self.centre(cell)
+        east_m, north_m = point.east_m - centre.east_m, point.north_m - centre.north_m
+        col, row = cell
+        sides = (
+            (east_m, (col + 1, row)),
+            (-east_m, (col - 1, row)),
+            (north_m, (col, row + 1)),
+            (-north_m, (col, row - 1)),
+        )
+        toward = [
+            (side_m, neighbour)
+            for side_m, neighbour in sides
+            if side_m > self.cell_m * TOLERANCE and self.contains(neighbour)
+        ]
+        return max(toward)[1] if toward else None
+
     def index(self, cell: Cell) -> tuple[int, int]:
         """Return the ``[row, col]`` array index of a cell."""
         return (cell[1], cell[0])

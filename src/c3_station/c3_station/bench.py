@@ -35,7 +35,7 @@ from msgs_json.agent_shell import Frame
 from msgs_json.topics import CLOCK
 from uav_planner.planners.ecc2009 import Ecc2009Planner
 from uav_planner.planners.ecc2009_oracle import plan_path_by_enumeration
-from uav_planner.planning import MissionSpec, PlanRequest, PlanResult, SortiePlan, SurveyLeg
+from uav_planner.planning import PlanRequest, PlanResult, SortiePlan, SortieRequest
 
 _REPEATS = 5
 _FLEET_AUVS = 50
@@ -200,7 +200,7 @@ def _fleet_scenario() -> Scenario:
 class _Notebook:
     """Plans as ecc2009 does and keeps every request."""
 
-    meets_out_of_turn = Ecc2009Planner.meets_out_of_turn
+    guarantees_limit = Ecc2009Planner.guarantees_limit
 
     def __init__(self) -> None:
         self._planner = Ecc2009Planner()
@@ -211,11 +211,9 @@ class _Notebook:
         self.requests.append(replace(request, values=request.values.copy()))
         return self._planner.plan_path(request)
 
-    def plan_sortie(
-        self, mission: MissionSpec, legs: tuple[SurveyLeg, ...], now_s: float
-    ) -> SortiePlan:
+    def plan_sortie(self, request: SortieRequest) -> SortiePlan:
         """Plan a sortie."""
-        return self._planner.plan_sortie(mission, legs, now_s)
+        return self._planner.plan_sortie(request)
 
 
 def _planning(console: Console) -> Iterator[Figure]:

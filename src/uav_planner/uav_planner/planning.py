@@ -11,7 +11,7 @@ import enum
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Protocol
 
-from msgs_json.geometry import Cell, GridSpec, Point
+from msgs_json.geometry import Cell, GridSpec, Point, whole_ticks
 
 if TYPE_CHECKING:
     import numpy as np
@@ -38,22 +38,60 @@ class MissionSpec:
     """Moves of a full path [q]."""
     min_path_cells: int
     """Moves of the shortest path that may be handed over [Delta], >= 1."""
+    handover_s: float = 0.0
+    """Kept free in a sortie for each AUV met, seconds."""
 
     @property
     def step_m(self) -> float:
         """Return how far the UAV flies in one tick, metres."""
         return self.uav_speed_mps * self.tick_s
 
+    @property
+    def limit_ticks(self) -> int:
+        """Return L in whole ticks, rounded down."""
+        return -whole_ticks(-self.sortie_limit_s / self.tick_s)
+
+    @property
+    def handover_ticks(self) -> int:
+        """Return the time kept free for each AUV met in whole ticks, rounded up."""
+        return whole_ticks(self.handover_s / self.tick_s)
+
+
+class Prospect(enum.Enum):
+    """What the next sortie has to do with a leg, seen from within the present one."""
+
+    ENDS = 'ends'
+    """The AUV is to be met in this sortie, somewhere on the leg, and will get another one."""
+    STAYS = 'stays'
+    """The whole leg is to be searched: it is new, or this sortie does not go there."""
+    ASTRAY = 'astray'
+    """The AUV was searched and not found; it is looked for where that leaves room."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SurveyLeg:
-    """What the UAV knows of one AUV: its name, its path and when it is surfaced at the latest."""
+    """What the UAV knows of one AUV: its path, when it is surfaced, how it will be searched."""
 
     auv: str
     path: tuple[Cell, ...]
     """`P_0` ... `P_q`; the AUV is at one of these cells, or between two of them."""
     surface_deadline_s: float
     """Time at which the AUV is surfaced at the latest, seconds [S_i]."""
+    behind: Cell | None = None
+    """The neighbour of `P_0` toward which the leg began; None where it began at `P_0` itself."""
+    search: tuple[Point, ...] = ()
+    """The waypoints from which the leg is cleared, in order; empty where none are laid yet."""
+    prospect: Prospect = Prospect.ENDS
+
+    @property
+    def track(self) -> tuple[Cell, ...]:
+        """Return the cells between which the AUV can be, in searching order: `P_q` first."""
+        return track_of(self.path, self.behind)
+
+
+def track_of(path: tuple[Cell, ...], behind: Cell | None) -> tuple[Cell, ...]:
+    """Return the cells of a leg in searching order, from `P_q` back to where it began."""
+    return path[::-1] if behind is None else (*path[::-1], behind)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -66,15 +104,15 @@ class PlanRequest:
     auv: str
     """The AUV that was met."""
     cell: Cell
-    """Where it was met; the new path starts there [P_i0]."""
+    """The last cell it entered; the new path starts there [P_i0]."""
+    behind: Cell | None = None
+    """The neighbour of `cell` toward which it lies; None at the centre of `cell`."""
     legs: tuple[SurveyLeg, ...]
     """
     Every AUV still surveying, in visiting order, `auv` included (with the leg it just ended).
 
-    Those in `met` have their new leg here already, the others their present one.
+    Those met earlier in this sortie have their new leg here already, the others their present one.
     """
-    met: frozenset[str]
-    """AUVs met earlier in this sortie, `auv` not included."""
     now_s: float
 
 
@@ -86,7 +124,7 @@ class PlanStatus(enum.Enum):
     SHORTENED = 'shortened'
     """No feasible path has q moves; the longest length that has one was used."""
     INFEASIBLE = 'infeasible'
-    """No path of Delta moves or more keeps the limit; the path given is a last resort."""
+    """No path of Delta moves or more keeps the limit for a sortie to all; a last resort."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -100,6 +138,20 @@ class PlanResult:
     """Time left for this AUV before its path is chosen, seconds [lambda = L - L-]."""
     sortie_time_s: float
     """The planner's own figure for the next sortie with this path, seconds [T_j]."""
+    search: tuple[Point, ...] = ()
+    """The waypoints with which the limit is guaranteed; empty from a planner without one."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SortieRequest:
+    """The question to a planner: where does the next sortie go, and when does it leave."""
+
+    mission: MissionSpec
+    legs: tuple[SurveyLeg, ...]
+    """Every AUV still surveying, in visiting order."""
+    overlooked: frozenset[str] = frozenset()
+    """AUVs that the sortie before did not reach: they are to come first."""
+    now_s: float
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -118,16 +170,19 @@ class SortiePlan:
 class Planner(Protocol):
     """A way to choose paths and sorties. Implementations are registered in `planners`."""
 
-    meets_out_of_turn: bool
-    """Whether an AUV heard before its turn is met at once (ECC 2009 waits for its turn)."""
+    guarantees_limit: bool
+    """
+    Whether its sorties keep L whatever the AUVs do.
+
+    Then an AUV heard before its turn is met at once, and the UAV turns home when to go on could
+    break L (it is late for a reason outside the plan). ECC 2009 does neither.
+    """
 
     def plan_path(self, request: PlanRequest) -> PlanResult:
         """Choose the next path of the AUV that was just met."""
         ...
 
-    def plan_sortie(
-        self, mission: MissionSpec, legs: tuple[SurveyLeg, ...], now_s: float
-    ) -> SortiePlan:
+    def plan_sortie(self, request: SortieRequest) -> SortiePlan:
         """
         Lay the route of the next sortie and choose its departure, at or after ``now_s``.
 

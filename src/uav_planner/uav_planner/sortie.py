@@ -32,8 +32,6 @@ class Waypoint:
 
     point: Point
     auv: str
-    cell: Cell
-    """The first cell cleared from here; the next ones of the leg may be in range as well."""
     surface_deadline_s: float
     """At the first waypoint of its leg the UAV waits until this time [S_i]."""
 
@@ -49,26 +47,39 @@ of its leg.
 
 def lay_route(mission: MissionSpec, legs: Iterable[SurveyLeg]) -> Route:
     """Return the route that clears every leg from `P_q` back to `P_0` (Section III.A)."""
-    waypoints: list[Waypoint] = []
+    route: list[Waypoint] = []
     here = mission.c3
     for leg in legs:
-        is_first = True
-        track = leg.path[::-1]
-        cleared = _clear(mission, _east_north_m(here), track)
-        for cell, (at_m, ticks) in zip(track, cleared, strict=True):
-            if ticks > 0:
-                here = Point(east_m=at_m.real, north_m=at_m.imag)
-            if ticks > 0 or is_first:
-                waypoints.append(
-                    Waypoint(
-                        point=here,
-                        auv=leg.auv,
-                        cell=cell,
-                        surface_deadline_s=leg.surface_deadline_s,
-                    )
-                )
-            is_first = False
-    return tuple(waypoints)
+        search = lay_search(mission, here, leg.path[::-1])
+        route += leg_waypoints(leg, search)
+        here = search[-1]
+    return tuple(route)
+
+
+def leg_waypoints(leg: SurveyLeg, search: Iterable[Point]) -> list[Waypoint]:
+    """Return the part of a route that searches one leg from some points."""
+    return [
+        Waypoint(point=point, auv=leg.auv, surface_deadline_s=leg.surface_deadline_s)
+        for point in search
+    ]
+
+
+def lay_search(mission: MissionSpec, origin: Point, track: Iterable[Cell]) -> tuple[Point, ...]:
+    """
+    Return the waypoints from which a track is cleared by a UAV that comes from ``origin``.
+
+    The first is where the first cell is cleared: ``origin`` itself if that is in range of it.
+    Where `cell_m` is at most `radio_range_m`, each two cells next to each other on the track, and
+    all between them, are in range of the waypoint from which the later one is cleared.
+    """
+    search: list[Point] = []
+    here = origin
+    for at_m, ticks in _clear(mission, _east_north_m(origin), track):
+        if ticks > 0:
+            here = Point(east_m=at_m.real, north_m=at_m.imag)
+        if ticks > 0 or not search:
+            search.append(here)
+    return tuple(search)
 
 
 def flight_ticks(mission: MissionSpec, route: Route) -> int:
@@ -82,21 +93,46 @@ def flight_time_s(mission: MissionSpec, route: Route) -> float:
     return flight_ticks(mission, route) * mission.tick_s
 
 
-def worst_case_s(mission: MissionSpec, route: Route, depart_s: float) -> float:
+def worst_case_s(
+    mission: MissionSpec, route: Route, depart_s: float, start: Point | None = None
+) -> float:
     """
     Return how long the sortie takes if it flies the whole list, waits included, seconds.
 
+    It begins at C3, or at another point for what is left of it.
+
     The UAV waits at the first waypoint of every leg until that AUV must be surfaced; at the
-    leg's others that time has passed. A contact only skips waypoints, which never makes a sortie
-    longer (Theorem 2).
+    leg's others that time has passed. Every hand-over takes `handover_s`. A contact only skips
+    waypoints, which never makes a sortie longer (Theorem 2).
     """
+    start = start or mission.c3
+    *_, (last, ticks) = ((start, 0), *_schedule(mission, route, depart_s, start))
+    return (ticks + hop_ticks(mission, last, mission.c3)) * mission.tick_s
+
+
+def search_times_s(mission: MissionSpec, route: Route, depart_s: float) -> dict[str, float]:
+    """Return when at the latest the UAV begins to search each AUV of a route, by name."""
+    times_s: dict[str, float] = {}
+    for waypoint, (_, ticks) in zip(
+        route, _schedule(mission, route, depart_s, mission.c3), strict=True
+    ):
+        times_s.setdefault(waypoint.auv, depart_s + ticks * mission.tick_s)
+    return times_s
+
+
+def _schedule(
+    mission: MissionSpec, route: Route, depart_s: float, start: Point
+) -> Iterator[tuple[Point, int]]:
+    """Yield each waypoint's point with the ticks after which the UAV is done there at worst."""
     ticks = 0
-    here = mission.c3
-    for waypoint in route:
+    here = start
+    for waypoint, following in itertools.zip_longest(route, route[1:]):
         deadline_ticks = whole_ticks((waypoint.surface_deadline_s - depart_s) / mission.tick_s)
         ticks = max(ticks + hop_ticks(mission, here, waypoint.point), deadline_ticks)
         here = waypoint.point
-    return (ticks + hop_ticks(mission, here, mission.c3)) * mission.tick_s
+        if following is None or following.auv != waypoint.auv:
+            ticks += mission.handover_ticks
+        yield here, ticks
 
 
 def punctual_departure_s(mission: MissionSpec, route: Route, now_s: float) -> float:
@@ -165,28 +201,85 @@ def home_ticks_of_tracks(
         Shape (tracks,).
 
     """
+    at_m = np.full(tracks.shape[2], _east_north_m(flown.point))
+    ticks = np.full(tracks.shape[2], float(flown.ticks))
+    last_m = [_east_north_m(mission.grid.centre(cell)) for cell in last]
+    for centre_m in [*_centres_m(mission, tracks), *last_m]:
+        _clear_each(mission, at_m, ticks, centre_m)
+    ticks += ticks_between_each(mission, at_m, _east_north_m(mission.c3))
+    return ticks.astype(np.int64)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Searches:
+    """Many searches as `lay_search` lays them; arrays of shape (searches,)."""
+
+    first_m: NDArray[np.complex128]
+    """The first waypoint of each, east + i north."""
+    ticks: NDArray[np.float64]
+    """From there to its last waypoint."""
+    last_m: NDArray[np.complex128]
+
+
+def lay_each_search(mission: MissionSpec, origin: Point, tracks: NDArray[np.intp]) -> Searches:
+    """
+    Return `lay_search` of many tracks at once, as far as it matters for a round's length.
+
+    Parameters
+    ----------
+    mission
+        Grid, radio range and speed.
+    origin
+        Where the UAV comes from.
+    tracks
+        Shape (2, cells, tracks): columns and rows of the cells to clear one after another.
+
+    """
+    first_centre_m, *centres_m = _centres_m(mission, tracks)
+    at_m = np.full(tracks.shape[2], _east_north_m(origin))
+    ticks = np.zeros(tracks.shape[2])
+    _clear_each(mission, at_m, ticks, first_centre_m)
+    first_m = at_m.copy()
+    ticks[:] = 0.0
+    for centre_m in centres_m:
+        _clear_each(mission, at_m, ticks, centre_m)
+    return Searches(first_m=first_m, ticks=ticks, last_m=at_m)
+
+
+def ticks_between_each(
+    mission: MissionSpec, start_m: NDArray[np.complex128], end_m: NDArray[np.complex128] | complex
+) -> NDArray[np.float64]:
+    """Return `hop_ticks` between many points, east + i north, in the shape they broadcast to."""
+    return _whole_ticks_of_each(np.abs(end_m - start_m) / mission.step_m)
+
+
+def _centres_m(mission: MissionSpec, tracks: NDArray[np.intp]) -> NDArray[np.complex128]:
+    """Return the centres of the cells of tracks, shape (cells, tracks)."""
+    cols, rows = tracks
+    centres_m: NDArray[np.complex128] = ((cols + 0.5) + 1j * (rows + 0.5)) * mission.grid.cell_m
+    return centres_m
+
+
+def _clear_each(
+    mission: MissionSpec,
+    at_m: NDArray[np.complex128],
+    ticks: NDArray[np.float64],
+    centre_m: NDArray[np.complex128] | complex,
+) -> None:
+    """Clear one more cell from each of many places; changes both arrays."""
     range_m = mission.radio_range_m
     edge_m = range_m * (1.0 + TOLERANCE)  # of `within_range`
     step_m = mission.step_m
-    at_m = np.full(tracks.shape[2], _east_north_m(flown.point))
-    ticks = np.full(tracks.shape[2], float(flown.ticks))
-    cols, rows = tracks
-    centres_m = ((cols + 0.5) + 1j * (rows + 0.5)) * mission.grid.cell_m
-    last_m = [_east_north_m(mission.grid.centre(cell)) for cell in last]
-    for centre_m in [*centres_m, *last_m]:
-        way_m = centre_m - at_m
-        distance_m = np.abs(way_m)
-        (far,) = (distance_m > edge_m).nonzero()
-        if far.size == 0:
-            continue
-        distance_m = distance_m[far]
-        more = _whole_ticks_of_each((distance_m - range_m) / step_m)
-        more += distance_m - more * step_m > edge_m
-        at_m[far] += np.minimum(more * step_m / distance_m, 1.0) * way_m[far]
-        ticks[far] += more
-    way_m = _east_north_m(mission.c3) - at_m
-    ticks += _whole_ticks_of_each(np.abs(way_m) / step_m)
-    return ticks.astype(np.int64)
+    way_m = centre_m - at_m
+    distance_m = np.abs(way_m)
+    (far,) = (distance_m > edge_m).nonzero()
+    if far.size == 0:
+        return
+    distance_m = distance_m[far]
+    more = _whole_ticks_of_each((distance_m - range_m) / step_m)
+    more += distance_m - more * step_m > edge_m
+    at_m[far] += np.minimum(more * step_m / distance_m, 1.0) * way_m[far]
+    ticks[far] += more
 
 
 def _clear(

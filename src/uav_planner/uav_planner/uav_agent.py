@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections import deque
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
@@ -9,17 +10,23 @@ from typing import TYPE_CHECKING
 from msgs_json.agent import Log, Output, Publish, Refuse, Transmit
 from msgs_json.codec import Refusal
 from msgs_json.geometry import (
+    Cell,
     GridSpec,
     Point,
     is_before,
     path_length_m,
     path_problem,
     surface_deadline_s,
+    whole_ticks,
 )
 from msgs_json.messages import (
     Acknowledged,
     Acknowledgement,
+    ExpectedContact,
+    GivenUp,
+    HeardAgain,
     Leg,
+    LegOutcome,
     Meeting,
     Message,
     Met,
@@ -29,7 +36,9 @@ from msgs_json.messages import (
     RecoveryOrder,
     RecoveryReason,
     RelayedSample,
+    SearchBrokenOff,
     SortieDeparted,
+    SortieOutlook,
     SortieReport,
     SortieReturned,
     SurfacingReport,
@@ -37,12 +46,22 @@ from msgs_json.messages import (
 from msgs_json.ros_messages import TrackPath
 from msgs_json.topics import ODOM, ROUTE
 from uav_planner.exploration_map import ExplorationMap
-from uav_planner.planning import MissionSpec, Planner, PlanRequest, PlanResult, SurveyLeg
-from uav_planner.sortie import worst_case_s
+from uav_planner.headway import Headway
+from uav_planner.planning import (
+    MissionSpec,
+    Planner,
+    PlanRequest,
+    PlanResult,
+    Prospect,
+    SortieRequest,
+    SurveyLeg,
+)
+from uav_planner.sortie import search_times_s, worst_case_s
 
 if TYPE_CHECKING:
     from msgs_json.drivers import UavDriver
     from uav_planner.planning import SortiePlan
+    from uav_planner.sortie import Route
 
 HAND_OVER_TICKS = 5
 """
@@ -73,7 +92,14 @@ class _Auv:
     speed_mps: float
     leg: Leg
     """The last one it was given."""
+    behind: Cell | None = None
+    """The neighbour of the leg's first cell toward which it began."""
+    search: tuple[Point, ...] = ()
+    """The waypoints from which the leg is searched."""
+    searches_in_vain: int = 0
+    """Since it was last met."""
     recovered: bool = False
+    lost: bool = False
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -83,6 +109,8 @@ class _HandOver:
     ended_leg_id: int
     plan: PlanResult | None
     """Its next path; None where it is to stay up for recovery."""
+    reason: RecoveryReason
+    """Why, if it is."""
     way_m: float
     """From where it lies through that path."""
     begun_s: float
@@ -112,6 +140,9 @@ class _Sortie:
     met: dict[str, tuple[float, SurfacingReport]] = field(default_factory=dict)
     """AUVs met: when, and what they reported."""
     missed: set[str] = field(default_factory=set)
+    """AUVs searched to the end and not heard."""
+    not_reached: tuple[str, ...] = ()
+    """AUVs that it gave up reaching, to be home in time."""
 
     def turn(self) -> str | None:
         """Return the AUV to be met next; None when only the way home is left."""
@@ -119,6 +150,11 @@ class _Sortie:
             if auv not in self.met and auv not in self.missed:
                 return auv
         return None
+
+    @property
+    def rest(self) -> Route:
+        """Return what is left of the route, without the AUVs that were met."""
+        return tuple(each for each in self.plan.route[self.cursor :] if each.auv not in self.met)
 
 
 class UavAgent:
@@ -135,11 +171,13 @@ class UavAgent:
         self._position: Point | None = None
         self._mission: MissionSpec | None = None
         self._surface_margin_s = 0.0
+        self._lost_after_sorties = 0
         self._map: ExplorationMap | None = None
         self._auvs: dict[str, _Auv] = {}
         self._sortie: _Sortie | None = None
         """The one being flown, or waiting at C3 for its departure."""
         self._sorties_flown = 0
+        self._headway = Headway(setup.speed_mps * setup.tick_s)
         self._untold: list[Output] = []
         """What was decided and not said: the vehicle may fail between the two."""
         self._heard: dict[str, SurfacingReport] = {}
@@ -154,8 +192,10 @@ class UavAgent:
     def tick(self, now_s: float) -> list[Output]:
         """Decide on what was heard until the tick before, fly to ``now_s``, report at C3."""
         self._untold += self._decide()
-        self._steer()
+        target = self._steer()
         state = self._driver.step(now_s)
+        if target is not None and self._position is not None:
+            self._headway.note(self._position, state.position, target)
         self._now_s, self._position = now_s, state.position
         self._heard.clear()
         output = self._tell()
@@ -197,15 +237,17 @@ class UavAgent:
             sortie_limit_s=order.sortie_limit_s,
             path_cells=order.path_cells,
             min_path_cells=order.min_path_cells,
+            handover_s=order.handover_s,
         )
         self._auvs = {auv.name: _Auv(speed_mps=auv.speed_mps, leg=auv.leg) for auv in order.auvs}
         try:
-            self._plan_sortie(mission)
+            self._plan_sortie(mission, overlooked=frozenset())
         except ValueError as error:
             self._auvs = {}
             return [Refuse(self._setup.c3, Refusal.NOT_POSSIBLE, str(error))]
         self._mission = mission
         self._surface_margin_s = order.surface_margin_s
+        self._lost_after_sorties = order.lost_after_sorties
         self.peers = frozenset({self._setup.c3, *self._auvs})
         self._map = ExplorationMap(order.region, [auv.leg.path[0] for auv in order.auvs])
         for auv in order.auvs:
@@ -214,23 +256,44 @@ class UavAgent:
 
     # --- the sortie ------------------------------------------------------------------------------
 
-    def _plan_sortie(self, mission: MissionSpec) -> None:
-        legs = self._survey_legs()
+    def _plan_sortie(self, mission: MissionSpec, overlooked: frozenset[str]) -> None:
+        legs = self._survey_legs(None)
         if not legs:
             self._sortie = None
             return
+        plan = self._planner.plan_sortie(
+            SortieRequest(mission=mission, legs=legs, overlooked=overlooked, now_s=self._now_s)
+        )
+        for auv, waypoints in itertools.groupby(plan.route, key=lambda each: each.auv):
+            self._auvs[auv].search = tuple(waypoint.point for waypoint in waypoints)
         self._sortie = _Sortie(
             number=self._sorties_flown + 1,
-            order=tuple(leg.auv for leg in legs),
-            plan=self._planner.plan_sortie(mission, legs, self._now_s),
+            order=tuple(dict.fromkeys(waypoint.auv for waypoint in plan.route)),
+            plan=plan,
         )
 
-    def _survey_legs(self) -> tuple[SurveyLeg, ...]:
+    def _survey_legs(self, sortie: _Sortie | None) -> tuple[SurveyLeg, ...]:
+        """Return the legs of the AUVs that survey, as they look within a sortie or before it."""
         return tuple(
-            SurveyLeg(auv=name, path=auv.leg.path, surface_deadline_s=auv.leg.surface_deadline_s)
+            SurveyLeg(
+                auv=name,
+                path=auv.leg.path,
+                surface_deadline_s=auv.leg.surface_deadline_s,
+                behind=auv.behind,
+                search=auv.search,
+                prospect=self._prospect(name, sortie),
+            )
             for name, auv in self._auvs.items()
-            if not auv.recovered
+            if not (auv.recovered or auv.lost)
         )
+
+    def _prospect(self, auv: str, sortie: _Sortie | None) -> Prospect:
+        if self._auvs[auv].searches_in_vain > 0:
+            return Prospect.ASTRAY
+        if sortie is None or auv not in sortie.order or auv in sortie.met:
+            return Prospect.STAYS
+        # One that did not confirm its path will be told the same again.
+        return Prospect.STAYS if auv in self._hand_overs else Prospect.ENDS
 
     def _decide(self) -> list[Output]:
         """Leave C3 when it is time; turn to the next waypoint when this one is done with."""
@@ -242,22 +305,42 @@ class UavAgent:
             if is_before(self._now_s, sortie.plan.depart_s):
                 return []
             output += self._depart(sortie, mission)
-        return output + self._advance(sortie, self._position)
+        output += self._advance(sortie, self._position)
+        if self._must_turn_home(sortie, mission, self._position):
+            output.append(self._break_off(sortie))
+        return output
 
-    def _steer(self) -> None:
-        """Send the vehicle where it is to be next."""
+    def _steer(self) -> Point | None:
+        """Send the vehicle where it is to be next, and return where that is."""
         sortie, mission = self._sortie, self._mission
         if sortie is None or mission is None or self._position is None:
-            return
+            return None
         if sortie.departed_s is None:
-            return
+            return None
+        target = self._target(sortie, mission, self._position)
+        self._driver.go_to(target)
+        return target
+
+    def _target(self, sortie: _Sortie, mission: MissionSpec, position: Point) -> Point:
+        if self._awaits_answer(sortie, mission, position):
+            return position
         route = sortie.plan.route
-        if self._awaits_answer():
-            self._driver.go_to(self._position)
-        elif sortie.cursor < len(route):
-            self._driver.go_to(route[sortie.cursor].point)
-        else:
-            self._driver.go_to(mission.c3)
+        return route[sortie.cursor].point if sortie.cursor < len(route) else mission.c3
+
+    def _must_turn_home(self, sortie: _Sortie, mission: MissionSpec, position: Point) -> bool:
+        """Return whether one more tick of searching could break L; the plan alone never does."""
+        if not self._planner.guarantees_limit or sortie.departed_s is None or not sortie.rest:
+            return False
+        ahead = position.toward(self._target(sortie, mission, position), mission.step_m)
+        home_ticks = whole_ticks(ahead.distance_m(mission.c3) / self._headway.safe_step_m)
+        home_s = self._now_s + (1 + home_ticks) * mission.tick_s
+        return is_before(sortie.departed_s + mission.sortie_limit_s, home_s)
+
+    def _break_off(self, sortie: _Sortie) -> Output:
+        sortie.not_reached = tuple(dict.fromkeys(waypoint.auv for waypoint in sortie.rest))
+        sortie.cursor = len(sortie.plan.route)
+        broken_off = SearchBrokenOff(sortie=sortie.number, not_reached=sortie.not_reached)
+        return Log(broken_off, self._now_s)
 
     def _tell(self) -> list[Output]:
         untold, self._untold = self._untold, []
@@ -265,6 +348,7 @@ class UavAgent:
 
     def _depart(self, sortie: _Sortie, mission: MissionSpec) -> list[Output]:
         sortie.departed_s = self._now_s
+        self._headway = Headway(mission.step_m)
         points = (mission.c3, *(waypoint.point for waypoint in sortie.plan.route), mission.c3)
         departed = SortieDeparted(
             sortie=sortie.number,
@@ -288,10 +372,20 @@ class UavAgent:
                 if is_before(self._now_s, waypoint.surface_deadline_s):
                     break
                 if sortie.cursor + 1 == len(route) or route[sortie.cursor + 1].auv != waypoint.auv:
-                    sortie.missed.add(waypoint.auv)
-                    missed = Missed(sortie=sortie.number, auv=waypoint.auv)
-                    output.append(Log(missed, self._now_s))
+                    output += self._miss(sortie, waypoint.auv)
             sortie.cursor += 1
+        return output
+
+    def _miss(self, sortie: _Sortie, auv: str) -> list[Output]:
+        """Note that an AUV was searched in vain; give it up after so many times."""
+        sortie.missed.add(auv)
+        known = self._auvs[auv]
+        known.searches_in_vain += 1
+        output: list[Output] = [Log(Missed(sortie=sortie.number, auv=auv), self._now_s)]
+        if known.searches_in_vain >= self._lost_after_sorties and self._map is not None:
+            known.lost = True
+            self._map.restore(known.leg.path[1:])
+            output.append(Log(GivenUp(sortie=sortie.number, auv=auv), self._now_s))
         return output
 
     def _is_at(self, point: Point, position: Point) -> bool:
@@ -303,9 +397,16 @@ class UavAgent:
             return []
         if sortie.departed_s is None or sortie.cursor < len(sortie.plan.route):
             return []
-        if self._awaits_answer() or not self._is_at(mission.c3, self._position):
+        if self._awaits_answer(sortie, mission, self._position):
+            return []
+        if not self._is_at(mission.c3, self._position):
             return []
         self._sorties_flown = sortie.number
+        searching = [name for name, auv in self._auvs.items() if not (auv.recovered or auv.lost)]
+        overlooked = [
+            auv for auv in searching if auv not in sortie.met and auv not in sortie.missed
+        ]
+        self._plan_sortie(mission, frozenset(overlooked))
         self._undelivered.append(
             SortieReport(
                 sortie=sortie.number,
@@ -313,16 +414,28 @@ class UavAgent:
                 returned_s=self._now_s,
                 meetings=tuple(self._meeting(*contact) for contact in sortie.met.values()),
                 missed=tuple(auv for auv in sortie.order if auv in sortie.missed),
-                not_reached=(),
-                lost=(),
+                not_reached=tuple(overlooked),
+                lost=tuple(name for name, auv in self._auvs.items() if auv.lost),
                 samples=tuple(self._cargo.values()),
-                next_sortie=None,
+                next_sortie=self._outlook(mission),
             )
         )
         self._cargo.clear()
         returned = SortieReturned(sortie=sortie.number, duration_s=self._now_s - sortie.departed_s)
-        self._plan_sortie(mission)
         return [Log(returned, self._now_s)]
+
+    def _outlook(self, mission: MissionSpec) -> SortieOutlook | None:
+        if self._sortie is None:
+            return None
+        plan = self._sortie.plan
+        times_s = search_times_s(mission, plan.route, plan.depart_s)
+        return SortieOutlook(
+            departs_s=plan.depart_s,
+            returns_by_s=plan.depart_s + plan.worst_case_s,
+            contacts=tuple(
+                ExpectedContact(auv=auv, time_s=time_s) for auv, time_s in times_s.items()
+            ),
+        )
 
     def _meeting(self, time_s: float, report: SurfacingReport) -> Meeting:
         auv = self._auvs[report.auv]
@@ -356,10 +469,21 @@ class UavAgent:
             return self._answer(auv) if self._missed_answer(report) else []
         if sortie is None:
             return []
-        if self._planner.meets_out_of_turn or auv == sortie.turn():
+        if self._may_meet(auv, sortie):
             return self._meet(report, sortie)
         self._heard[auv] = report
         return []
+
+    def _may_meet(self, auv: str, sortie: _Sortie) -> bool:
+        """Return whether an AUV that is heard is met now."""
+        if not self._planner.guarantees_limit:
+            return auv == sortie.turn() or self._auvs[auv].lost
+        if sortie.departed_s is not None or self._mission is None:
+            return True
+        # To meet it at C3 starts the sortie: only if what remains then still keeps L.
+        rest = tuple(waypoint for waypoint in sortie.plan.route if waypoint.auv != auv)
+        sortie_s = self._mission.handover_s + worst_case_s(self._mission, rest, self._now_s)
+        return not is_before(self._mission.sortie_limit_s, sortie_s)
 
     def _missed_answer(self, report: SurfacingReport) -> bool:
         """Return whether this leg's end was answered, but the AUV has not acknowledged it."""
@@ -370,24 +494,32 @@ class UavAgent:
         mission, exploration = self._mission, self._map
         if mission is None or exploration is None:
             return []
-        if self._missed_answer(report):
+        known = self._auvs[report.auv]
+        was_lost = known.lost
+        if self._missed_answer(report) and not was_lost:
             # In a sortie before. It still lies where that path begins: the same path again.
             plan = self._hand_overs[report.auv].plan
         else:
-            problem = _problem_with_report(report, self._auvs[report.auv].leg, mission.grid)
-            if problem:
-                return [Refuse(report.auv, Refusal.CONTRADICTORY, problem)]
-            self._take_over(report, exploration)
+            if not self._missed_answer(report):
+                problem = _problem_with_report(report, known.leg, mission.grid)
+                if problem:
+                    return [Refuse(report.auv, Refusal.CONTRADICTORY, problem)]
+                self._take_over(report, exploration)
+            known.lost, known.searches_in_vain = False, 0
             plan = self._plan_path(report, sortie, mission, exploration)
         path = plan.path if plan else ()
         way = [report.position, *(mission.grid.centre(cell) for cell in path)]
+        is_aborted = report.outcome is LegOutcome.ABORTED
         self._hand_overs[report.auv] = _HandOver(
             ended_leg_id=report.leg_id,
             plan=plan,
+            reason=RecoveryReason.ABORTED if is_aborted else RecoveryReason.EXPLORED,
             way_m=path_length_m(way),
             begun_s=self._now_s,
         )
         output = self._depart(sortie, mission) if sortie.departed_s is None else []
+        if was_lost:
+            output.append(Log(HeardAgain(auv=report.auv), self._now_s))
         sortie.met[report.auv] = (self._now_s, report)
         sortie.missed.discard(report.auv)
         met = Met(
@@ -406,7 +538,10 @@ class UavAgent:
 
     def _take_over(self, report: SurfacingReport, exploration: ExplorationMap) -> None:
         """Note on the map what the AUV really visited, and take custody of its samples."""
-        path = self._auvs[report.auv].leg.path
+        known = self._auvs[report.auv]
+        path = known.leg.path
+        if known.lost:  # its cells were given to the others
+            exploration.assign(path)
         exploration.confirm(path[1 : report.moves_done + 1])
         exploration.restore(path[report.moves_done + 1 :])
         for sample in report.samples:
@@ -421,20 +556,23 @@ class UavAgent:
         exploration: ExplorationMap,
     ) -> PlanResult | None:
         """Return the AUV's next path, already noted on the map; None where none is needed."""
-        if exploration.is_explored:
+        if exploration.is_explored or report.outcome is LegOutcome.ABORTED:
             return None
+        behind = mission.grid.neighbour_toward(report.cell, report.position)
         plan = self._planner.plan_path(
             PlanRequest(
                 mission=mission,
                 values=exploration.values,
                 auv=report.auv,
                 cell=report.cell,
-                legs=self._survey_legs(),
-                met=frozenset(sortie.met),
+                behind=behind,
+                legs=self._survey_legs(sortie),
                 now_s=self._now_s,
             )
         )
         exploration.assign(plan.path)
+        known = self._auvs[report.auv]
+        known.behind, known.search = behind, plan.search
         return plan
 
     def _answer(self, auv: str) -> list[Output]:
@@ -445,9 +583,7 @@ class UavAgent:
         )
         if hand_over.plan is None:
             known.recovered = True
-            order = RecoveryOrder(
-                auv=auv, leg_id=hand_over.ended_leg_id, reason=RecoveryReason.EXPLORED
-            )
+            order = RecoveryOrder(auv=auv, leg_id=hand_over.ended_leg_id, reason=hand_over.reason)
             return [Transmit(auv, custody), Transmit(auv, order)]
         known.leg = Leg(
             leg_id=hand_over.ended_leg_id + 1,
@@ -462,13 +598,20 @@ class UavAgent:
         )
         return [Transmit(auv, custody), Transmit(auv, PathAssignment(auv=auv, leg=known.leg))]
 
-    def _awaits_answer(self) -> bool:
+    def _awaits_answer(self, sortie: _Sortie, mission: MissionSpec, position: Point) -> bool:
         """Return whether the UAV stays where it is, to be heard by an AUV and to hear it."""
-        patience_s = HAND_OVER_TICKS * self._setup.tick_s
-        return any(
+        patience_s = max(HAND_OVER_TICKS * mission.tick_s, mission.handover_s)
+        is_awaited = any(
             is_before(self._now_s, hand_over.begun_s + patience_s)
             for hand_over in self._hand_overs.values()
         )
+        if not is_awaited or sortie.not_reached or sortie.departed_s is None:
+            return False
+        if not self._planner.guarantees_limit:
+            return True
+        later_s = self._now_s + mission.tick_s
+        rest_s = worst_case_s(mission, sortie.rest, later_s, position)
+        return not is_before(sortie.departed_s + mission.sortie_limit_s, later_s + rest_s)
 
     def _acknowledged(self, src: str, message: Acknowledgement) -> list[Output]:
         if src == self._setup.c3 and message.acknowledges is Acknowledged.SORTIE_REPORT:

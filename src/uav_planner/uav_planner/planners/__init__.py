@@ -7,13 +7,16 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 from uav_planner.planners.ecc2009 import make_ecc2009
+from uav_planner.planners.robust import make_robust
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
 
     from uav_planner.planning import Planner
 
-PLANNERS: Mapping[str, Callable[..., Planner]] = MappingProxyType({'ecc2009': make_ecc2009})
+PLANNERS: Mapping[str, Callable[..., Planner]] = MappingProxyType(
+    {'ecc2009': make_ecc2009, 'robust': make_robust}
+)
 """
 Planner name, as in scenario files, to its factory.
 

@@ -4,22 +4,18 @@ from __future__ import annotations
 
 import itertools
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
-import numpy as np
-
-from msgs_json.geometry import TOLERANCE, whole_ticks
+from msgs_json.geometry import TOLERANCE
 from uav_planner.candidate_paths import (
     DOCUMENTED_TIE_ORDER,
-    TIE_MARGIN,
-    TURN_COST,
     TieOrder,
-    WalkTable,
     greedy_cell,
     walk_table,
 )
-from uav_planner.planning import PlanResult, PlanStatus, SortiePlan
+from uav_planner.path_choice import best_path
+from uav_planner.planning import PlanResult, PlanStatus, Prospect, SortiePlan
 from uav_planner.sortie import (
     Flown,
     clear_track,
@@ -31,17 +27,11 @@ from uav_planner.sortie import (
 )
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
-
+    import numpy as np
     from numpy.typing import NDArray
 
     from msgs_json.geometry import Cell
-    from uav_planner.planning import MissionSpec, PlanRequest, SurveyLeg
-
-SINGLE_CHECKS = 8
-"""So many of the best candidates are timed one by one: it takes as long as 100 at once."""
-SCORE_DROPS = (2 * TURN_COST, 1.5, math.inf)
-"""Candidates are ranked in parts that reach so far below the best score: a few first, then all."""
+    from uav_planner.planning import MissionSpec, PlanRequest, SortieRequest, SurveyLeg
 
 
 class Ecc2009Planner:
@@ -58,7 +48,7 @@ class Ecc2009Planner:
 
     """
 
-    meets_out_of_turn = False
+    guarantees_limit = False
 
     def __init__(self, *, tie_order: TieOrder = DOCUMENTED_TIE_ORDER) -> None:
         self._tie_order = tie_order
@@ -88,17 +78,17 @@ class Ecc2009Planner:
         committed_ticks = clear_track(mission, flown, _track(after)).home_ticks(mission)
         slack_s = mission.sortie_limit_s - committed_ticks * mission.tick_s
         # Line 22: getPath(q, P_k0, M, lambda).
-        sortie = _NextSortie(mission=mission, flown=flown, after=_track(after))
-        limit_ticks = -whole_ticks(-mission.sortie_limit_s / mission.tick_s)  # rounded down
+        sortie = _NextSortie(
+            mission=mission, flown=flown, after=_track(after), limit_ticks=mission.limit_ticks
+        )
         shortest, longest = mission.min_path_cells, mission.path_cells
         by_length = (
-            self._best_path(request, moves, sortie, limit_ticks)
-            for moves in range(longest, shortest - 1, -1)
+            self._best_path(request, moves, sortie) for moves in range(longest, shortest - 1, -1)
         )
         path = next((path for path in by_length if path is not None), None)
         if path is None:
             status = PlanStatus.INFEASIBLE
-            path = self._best_path(request, shortest, sortie, math.inf)
+            path = self._best_path(request, shortest, replace(sortie, limit_ticks=math.inf))
         elif len(path) - 1 < longest:
             status = PlanStatus.SHORTENED
         else:
@@ -114,9 +104,7 @@ class Ecc2009Planner:
             sortie_time_s=sortie.ticks_with(path) * mission.tick_s,
         )
 
-    def plan_sortie(
-        self, mission: MissionSpec, legs: tuple[SurveyLeg, ...], now_s: float
-    ) -> SortiePlan:
+    def plan_sortie(self, request: SortieRequest) -> SortiePlan:
         """
         Lay the route (Section III.A); leave so as to reach the first waypoint at `S_1`.
 
@@ -126,9 +114,10 @@ class Ecc2009Planner:
             The mission's paths are longer than `WalkTable` can hold.
 
         """
+        mission = request.mission
         walk_table(mission.path_cells, self._tie_order)  # made on the ground, not at a meeting
-        route = lay_route(mission, legs)
-        depart_s = punctual_departure_s(mission, route, now_s)
+        route = lay_route(mission, request.legs)
+        depart_s = punctual_departure_s(mission, route, request.now_s)
         return SortiePlan(
             route=route,
             depart_s=depart_s,
@@ -145,7 +134,7 @@ class Ecc2009Planner:
         `P_k0`, lines 4 and 5); the greedy cell farther from C3 counts (``determine tau``, line
         17).
         """
-        if leg.auv in request.met:
+        if leg.prospect is Prospect.STAYS:
             return leg.path
         grid, c3 = request.mission.grid, request.mission.c3
         guesses = [
@@ -156,13 +145,10 @@ class Ecc2009Planner:
         return guesses[1] if near_end_m > far_m * (1.0 + TOLERANCE) else guesses[0]
 
     def _best_path(
-        self, request: PlanRequest, moves: int, sortie: _NextSortie, limit_ticks: float
+        self, request: PlanRequest, moves: int, sortie: _NextSortie
     ) -> tuple[Cell, ...] | None:
-        """Return the best path of so many moves that keeps the next sortie within a limit."""
-        table = walk_table(moves, self._tie_order)
-        scores = table.scores(request.values, request.cell)
-        walk = _Choice(table, request.cell, scores, sortie, limit_ticks).best()
-        return None if walk is None else table.path(walk, request.cell)
+        """Return the best path of so many moves that keeps the next sortie within its limit."""
+        return best_path(walk_table(moves, self._tie_order), request.values, request.cell, sortie)
 
 
 def make_ecc2009(*, tie_order: str = DOCUMENTED_TIE_ORDER.name) -> Ecc2009Planner:
@@ -183,80 +169,22 @@ class _NextSortie:
     """The part before that AUV's turn."""
     after: list[Cell]
     """The track of the AUVs after it."""
+    limit_ticks: float
+
+    def allows(self, path: tuple[Cell, ...]) -> bool:
+        """Return whether the sortie with one path keeps the limit."""
+        return self.ticks_with(path) <= self.limit_ticks
+
+    def allows_each(self, tracks: NDArray[np.intp]) -> NDArray[np.bool_]:
+        """Return for each of many tracks whether the sortie with it keeps the limit."""
+        ticks = home_ticks_of_tracks(self.mission, self.flown, tracks, self.after)
+        feasible: NDArray[np.bool_] = ticks <= self.limit_ticks
+        return feasible
 
     def ticks_with(self, path: tuple[Cell, ...]) -> int:
         """Return the flight time with one path."""
         met = clear_track(self.mission, self.flown, itertools.chain(path[::-1], self.after))
         return met.home_ticks(self.mission)
-
-    def ticks_with_each(self, tracks: NDArray[np.intp]) -> NDArray[np.int64]:
-        """Return the flight time with each of many tracks."""
-        return home_ticks_of_tracks(self.mission, self.flown, tracks, self.after)
-
-
-@dataclass(frozen=True, slots=True)
-class _Choice:
-    """Which of the walks of a table from a cell is the best feasible one."""
-
-    table: WalkTable
-    start: Cell
-    scores: NDArray[np.float64]
-    sortie: _NextSortie
-    limit_ticks: float
-
-    def best(self) -> int | None:
-        """
-        Return the walk that a comparison of all feasible walks in tie order ends with.
-
-        Best first, so that only a few need their flight timed.
-        """
-        best = self._first_feasible()
-        if best is None:
-            return None
-        # Scores that differ by rounding only tie, and the one that comes first wins: follow them
-        # down to the first gap and compare as the full comparison would.
-        scores = self.scores
-        floor = scores[best]
-        while (lower := scores[(scores < floor) & (scores >= floor - TIE_MARGIN)]).size > 0:
-            floor = lower.min()
-        if floor == scores[best]:
-            return best
-        rivals = np.flatnonzero((scores >= floor) & (scores <= scores[best]))
-        chosen, *later = rivals[self._are_feasible(rivals)].tolist()
-        for walk in later:
-            if scores[walk] > scores[chosen] + TIE_MARGIN:
-                chosen = walk
-        return int(chosen)
-
-    def _first_feasible(self) -> int | None:
-        """Return the first feasible walk in order of falling score, equal scores in tie order."""
-        single_checks = SINGLE_CHECKS
-        for walks in self._best_first():
-            single, many = walks[:single_checks], walks[single_checks:]
-            single_checks -= single.size
-            for walk in single.tolist():
-                if self.sortie.ticks_with(self.table.path(walk, self.start)) <= self.limit_ticks:
-                    return int(walk)
-            if many.size > 0:
-                feasible = self._are_feasible(many)
-                if feasible.any():
-                    return int(many[feasible.argmax()])
-        return None
-
-    def _best_first(self) -> Iterator[NDArray[np.intp]]:
-        """Yield all walks within the region in that order, in parts: sorting all is slow."""
-        scores = self.scores
-        ceiling = np.inf
-        for floor in (scores.max() - drop for drop in SCORE_DROPS):
-            walks = np.flatnonzero((scores >= floor) & (scores < ceiling) & (scores > -np.inf))
-            yield walks[np.argsort(-scores[walks], kind='stable')]
-            ceiling = floor
-
-    def _are_feasible(self, walks: NDArray[np.intp]) -> NDArray[np.bool_]:
-        """Return for each walk whether the next sortie with it keeps the limit."""
-        ticks = self.sortie.ticks_with_each(self.table.tracks(walks, self.start))
-        feasible: NDArray[np.bool_] = ticks <= self.limit_ticks
-        return feasible
 
 
 def _turn(request: PlanRequest) -> int:

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 
 from msgs_json.geometry import TOLERANCE, is_before, whole_ticks, within_range
 from uav_planner.candidate_paths import DOCUMENTED_TIE_ORDER, TIE_MARGIN, TURN_COST, TieOrder
-from uav_planner.planning import PlanResult, PlanStatus
+from uav_planner.planning import PlanResult, PlanStatus, Prospect
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -33,7 +33,9 @@ def plan_path_by_enumeration(
     """Return what `Ecc2009Planner.plan_path` returns (ECC 2009, Algorithm 1)."""
     mission = request.mission
     paths = {
-        leg.auv: leg.path if leg.auv in request.met else _guessed_path(request, leg, tie_order)
+        leg.auv: leg.path
+        if leg.prospect is Prospect.STAYS
+        else _guessed_path(request, leg, tie_order)
         for leg in request.legs
         if leg.auv != request.auv
     }
