@@ -35,6 +35,7 @@ if TYPE_CHECKING:
 
     from c3_station.scenario import Scenario
     from c3_station.summary import Record
+    from msgs_json.messages import ContactState
 
 _store = get_typestore(Stores.ROS2_JAZZY)
 
@@ -64,6 +65,8 @@ class MissionRecord:
     """The worst-case route of each sortie from C3 to C3, with the time it was published."""
     survey: dict[tuple[str, int], Sample]
     """What was delivered to C3, by AUV and sample number."""
+    contacts: dict[str, tuple[tuple[float, ContactState | None], ...]]
+    """By AUV: when C3 changed its mind about what its silence means."""
 
 
 def read_mission(bag: Path) -> MissionRecord:
@@ -125,6 +128,10 @@ def gather_mission(records: Iterable[Record], facts: BagFacts) -> MissionRecord:
         tracks=tracks,
         routes=tuple((time_s - start_s, points) for time_s, points in routes),
         survey=survey,
+        contacts={
+            auv: tuple((stamp_s - start_s, contact) for stamp_s, contact in changes)
+            for auv, changes in summarizer.contacts.items()
+        },
     )
 
 

@@ -11,6 +11,7 @@ from rclpy.signals import SignalHandlerOptions
 
 from auv_sim.world import WORLD
 from c3_station.mission_monitor import MissionMonitor
+from c3_station.node_params import C3
 from msgs_json.host_node import make_executor, message_class, qos_profile
 from msgs_json.ros_messages import (
     ClockTime,
@@ -20,16 +21,16 @@ from msgs_json.ros_messages import (
     odometry_from_cdr,
     text_from_cdr,
 )
-from msgs_json.topics import CLOCK, MISSION_EVENTS, ODOM, RADIO_STATUS, Topic
+from msgs_json.topics import CLOCK, MISSION_EVENTS, MISSION_STATUS, ODOM, RADIO_STATUS, Topic
 
 
 class Observer:
     """
     A node in a context of its own; signals stay with the orchestrator.
 
-    It always hears the mission's log. Clock and poses, which come at every tick, are for a
-    mission that is paced for people: at full speed they would cost a tenth of it, and no eye could
-    follow.
+    It always hears the mission's log and C3's status. Clock and poses, which come at every tick,
+    are for a mission that is paced for people: at full speed they would cost a tenth of it, and no
+    eye could follow.
     """
 
     def __init__(self, domain_id: int, monitor: MissionMonitor, *, every_tick: bool) -> None:
@@ -44,6 +45,7 @@ class Observer:
         self._executor = make_executor(self._context)
         self._executor.add_node(self._node)
         self._listen(MISSION_EVENTS, '/', _text)
+        self._listen(MISSION_STATUS, f'/{C3}', _text)
         self._listen(RADIO_STATUS, f'/{WORLD}', _text)
         if every_tick:
             self._listen(CLOCK, '/', _clock)

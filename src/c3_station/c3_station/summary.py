@@ -18,26 +18,36 @@ import msgspec
 
 from auv_sim.world import WORLD
 from c3_station.bag import BagFacts
+from c3_station.node_params import C3
 from c3_station.scenario_files import scenario_from_json
 from msgs_json import codec
 from msgs_json.codec import MessageError
 from msgs_json.geometry import TOLERANCE, Cell, is_before
 from msgs_json.messages import (
     CellEntered,
+    ContactState,
     Event,
+    GivenUp,
+    HeardAgain,
+    LegOutcome,
     MessageRefused,
     Met,
+    Missed,
     MissionCompleted,
     MissionStarted,
+    MissionStatus,
     MissionStopped,
     RadioStatus,
+    RecoveryReason,
     SamplesDelivered,
+    SearchBrokenOff,
     SortieDeparted,
     SortieReturned,
+    StayedUp,
     Surfaced,
 )
 from msgs_json.ros_messages import ClockTime, RosMessage, Text
-from msgs_json.topics import CLOCK, MISSION_EVENTS, RADIO_STATUS
+from msgs_json.topics import CLOCK, MISSION_EVENTS, MISSION_STATUS, RADIO_STATUS
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
@@ -45,7 +55,11 @@ if TYPE_CHECKING:
     from c3_station.scenario import Limits, Scenario
     from msgs_json.agent_shell import Frame
 
-_FIGURES_IN = (MISSION_EVENTS.name, RADIO_STATUS.resolve(f'/{WORLD}'))
+_FIGURES_IN = (
+    MISSION_EVENTS.name,
+    MISSION_STATUS.resolve(f'/{C3}'),
+    RADIO_STATUS.resolve(f'/{WORLD}'),
+)
 
 Record = tuple[str, float, RosMessage]
 """A message with its absolute topic and its time, seconds."""
@@ -81,7 +95,15 @@ class SortieSummary(msgspec.Struct, frozen=True, kw_only=True):
     predicted_s: float
     """The planner's own figure."""
     limit_s: float
+    bound_ratio: float | None
+    """`duration_s` over `worst_case_s`; None without a return, or where there was no way to go."""
     meetings: tuple[MeetingSummary, ...]
+    missed: tuple[str, ...]
+    """AUVs that were searched to the end and not heard."""
+    given_up: tuple[str, ...]
+    """Those of them that were taken for lost."""
+    not_reached: tuple[str, ...]
+    """AUVs left out when the UAV broke its search off, to be home within the limit."""
 
 
 class RadioSummary(msgspec.Struct, frozen=True, kw_only=True):
@@ -128,12 +150,34 @@ class Summary(msgspec.Struct, frozen=True, kw_only=True):
     sorties: tuple[SortieSummary, ...]
     sortie_limit_violations: int
     """Sorties longer than their limit, one still being flown at the end included."""
+    bound_ratio_max: float | None
+    """The largest `bound_ratio` of a sortie; more than 1 is a worst case that was none."""
+    c3_wait_s: float
+    """How long the UAV waited at C3 before its sorties, from the start of the mission."""
     neglect_s: dict[str, float]
     """By AUV: surfaced and not yet met, up to `explored_s` (to the end where that is None)."""
     neglect_fraction: float | None
     """Sum of `neglect_s` over `explored_s`; may exceed 1 with many AUVs."""
+    missed_total: int
+    """Searches in vain."""
+    searches_broken_off: int
+    lost: tuple[str, ...]
+    """AUVs that the UAV gave up and did not hear again."""
+    heard_again: tuple[str, ...]
+    """AUVs that it heard after it had given them up."""
+    aborted: tuple[str, ...]
+    """AUVs that asked for help."""
     samples_collected: int
     samples_delivered: int
+    samples_missing: dict[str, int] | None
+    """By AUV: collected and not at C3; None where the record does not show what C3 has."""
+    data_age_max_s: float | None
+    """
+    The largest age that the oldest sample not yet at C3 ever had.
+
+    It is reached when that sample is delivered; one that never is grows old until the mission's
+    end. None where nothing was sampled, or the record does not show what C3 has.
+    """
     lower_bound_s: float | None
     """No planner can explore the region before."""
     radio: RadioSummary | None
@@ -145,10 +189,17 @@ class Summary(msgspec.Struct, frozen=True, kw_only=True):
 
     @property
     def samples_lost(self) -> int | None:
-        """Return how many samples are not at C3; None where nothing was sampled."""
-        if self.samples_collected == 0:
+        """
+        Return how many samples of AUVs that are not lost are not at C3.
+
+        What a lost AUV has on board is lost with it, and no fault of the mission; it is in
+        `samples_missing`. None where nothing was sampled, or the record does not show what C3 has.
+        """
+        if self.samples_collected == 0 or self.samples_missing is None:
             return None
-        return self.samples_collected - self.samples_delivered
+        return sum(
+            missing for auv, missing in self.samples_missing.items() if auv not in self.lost
+        )
 
     def to_json(self) -> bytes:
         """Return the content of ``summary.json``, with each cell in one line."""
@@ -175,6 +226,10 @@ class Summarizer:
     def __init__(self) -> None:
         self.events: list[LoggedEvent] = []
         """In the order of arrival."""
+        self.status: MissionStatus | None = None
+        """What C3 showed last."""
+        self.contacts: dict[str, list[tuple[float, ContactState | None]]] = {}
+        """By AUV: each change of what C3 made of its silence, with its stamp."""
         self._radio: RadioStatus | None = None
         self._unreadable = 0
         self._latest_s = 0.0
@@ -188,9 +243,7 @@ class Summarizer:
         match message:
             case ClockTime(time_s=time_s) if topic == CLOCK.name:
                 self._latest_s = max(self._latest_s, time_s)
-            case Text(data=data) if topic == MISSION_EVENTS.name or topic.endswith(
-                RADIO_STATUS.name
-            ):
+            case Text(data=data) if topic in _FIGURES_IN:
                 self._json(data)
 
     def event(self, source: str, stamp_s: float, event: Event) -> None:
@@ -200,7 +253,7 @@ class Summarizer:
 
     def summary(self, facts: BagFacts | None = None) -> Summary:
         """Return the figures of all that was taken so far."""
-        figures = _Figures(self.events, self._latest_s)
+        figures = _Figures(self.events, self.status, self._latest_s)
         return figures.summary(self._radio, self._unreadable, facts or BagFacts())
 
     def _json(self, data: bytes) -> None:
@@ -212,8 +265,17 @@ class Summarizer:
         match body:
             case Event():
                 self.event(envelope.src, envelope.stamp, body)
+            case MissionStatus():
+                self._take_status(envelope.stamp, body)
             case RadioStatus():
                 self._radio = body
+
+    def _take_status(self, stamp_s: float, status: MissionStatus) -> None:
+        self.status = status
+        for auv in status.auvs:
+            changes = self.contacts.setdefault(auv.name, [])
+            if not changes or changes[-1][1] is not auv.contact:
+                changes.append((stamp_s, auv.contact))
 
 
 def mission_start_s(events: Sequence[LoggedEvent]) -> float:
@@ -307,19 +369,33 @@ def _check(name: str, value: float | None, limits: Limits) -> ConditionCheck:
 class _Figures:
     """The events of a mission, sorted by what they are about."""
 
-    def __init__(self, events: Iterable[LoggedEvent], latest_s: float) -> None:
+    def __init__(
+        self, events: Iterable[LoggedEvent], status: MissionStatus | None, latest_s: float
+    ) -> None:
         self.started: MissionStarted | None = None
         self.completed_s: float | None = None
         self.stopped: str | None = None
         self.refusals: list[RefusalSummary] = []
         self.entries: list[tuple[float, CellEntered]] = []
+        self.sampled_s: dict[str, list[float]] = {}
+        """By AUV: when it took each of its samples."""
         self.surfaced_s: dict[tuple[str, int], float] = {}
         """By AUV and the leg that ended."""
         self.met: dict[tuple[str, int], tuple[float, Met]] = {}
         """The same key."""
         self.departed: dict[int, tuple[float, SortieDeparted]] = {}
         self.returned: dict[int, tuple[float, SortieReturned]] = {}
+        self.missed: list[Missed] = []
+        self.broken_off: dict[int, SearchBrokenOff] = {}
+        self.given_up: list[tuple[float, GivenUp]] = []
+        self.heard_again_s: dict[str, float] = {}
+        """The last time."""
+        self.aborted: set[str] = set()
         self.deliveries: list[tuple[float, SamplesDelivered]] = []
+        self.at_c3 = (
+            None if status is None else {auv.name: auv.samples_delivered for auv in status.auvs}
+        )
+        """Samples by AUV, as C3 counts them."""
         ordered = sorted(events, key=lambda logged: logged.stamp_s)
         start_s = mission_start_s(ordered)
         for each in ordered:
@@ -345,14 +421,27 @@ class _Figures:
                 )
             case CellEntered():
                 self.entries.append((time_s, event))
+                self.sampled_s.setdefault(source, []).append(time_s)
             case Surfaced():
                 self.surfaced_s[source, event.leg_id] = time_s
+                if event.outcome is LegOutcome.ABORTED:
+                    self.aborted.add(source)
+            case StayedUp(reason=RecoveryReason.ABORTED):
+                self.aborted.add(source)  # one that was up already when it asked for help
             case Met():
                 self.met[event.auv, event.leg_id] = (time_s, event)
             case SortieDeparted():
                 self.departed[event.sortie] = (time_s, event)
             case SortieReturned():
                 self.returned[event.sortie] = (time_s, event)
+            case Missed():
+                self.missed.append(event)
+            case SearchBrokenOff():
+                self.broken_off[event.sortie] = event
+            case GivenUp():
+                self.given_up.append((time_s, event))
+            case HeardAgain(auv=auv):
+                self.heard_again_s[auv] = time_s
             case SamplesDelivered():
                 self.deliveries.append((time_s, event))
 
@@ -366,7 +455,6 @@ class _Figures:
         moves = self._moves(explored_s)
         neglect_s = self._neglect_s(scenario, explored_s)
         sorties = self._sorties()
-        delivered = sum(event.samples for _, event in self.deliveries)
         return Summary(
             scenario=scenario.name if scenario else None,
             planner=self.started.planner if self.started else None,
@@ -375,11 +463,7 @@ class _Figures:
             complete=self.completed_s is not None,
             stopped=self.stopped,
             explored_s=explored_s,
-            delivered_s=(
-                self.deliveries[-1][0]
-                if explored_s is not None and delivered == len(self.entries)
-                else None
-            ),
+            delivered_s=self._delivered_s(scenario),
             mission_s=self.completed_s,
             cells_total=scenario.region.cells_total if scenario else None,
             cells_explored=len(first_entered_s),
@@ -387,10 +471,22 @@ class _Figures:
             revisits=len(moves) - len({move.cell for move in moves} - self._start_cells()),
             sorties=sorties,
             sortie_limit_violations=sum(self._is_over_limit(sortie) for sortie in sorties),
+            bound_ratio_max=max(
+                (each.bound_ratio for each in sorties if each.bound_ratio is not None),
+                default=None,
+            ),
+            c3_wait_s=_c3_wait_s(sorties),
             neglect_s=neglect_s,
             neglect_fraction=sum(neglect_s.values()) / explored_s if explored_s else None,
+            missed_total=len(self.missed),
+            searches_broken_off=len(self.broken_off),
+            lost=self._lost(),
+            heard_again=tuple(sorted(self.heard_again_s)),
+            aborted=tuple(sorted(self.aborted)),
             samples_collected=len(self.entries),
-            samples_delivered=delivered,
+            samples_delivered=sum(event.samples for _, event in self.deliveries),
+            samples_missing=self._samples_missing(),
+            data_age_max_s=self._data_age_max_s(),
             lower_bound_s=_seconds(lower_bound_s(scenario)) if scenario else None,
             radio=(
                 RadioSummary(delivered=radio.delivered, blocked=radio.blocked) if radio else None
@@ -430,16 +526,24 @@ class _Figures:
         sorties = []
         for number, (departed_s, departed) in sorted(self.departed.items()):
             returned_s, returned = self.returned.get(number, (None, None))
+            duration_s = _seconds(returned.duration_s) if returned else None
+            worst_case_s = _seconds(departed.worst_case_s)
             meetings = [each for each in self.met.values() if each[1].sortie == number]
+            broken_off = self.broken_off.get(number)
             sorties.append(
                 SortieSummary(
                     index=number,
                     departed_s=departed_s,
                     returned_s=returned_s,
-                    duration_s=_seconds(returned.duration_s) if returned else None,
-                    worst_case_s=_seconds(departed.worst_case_s),
+                    duration_s=duration_s,
+                    worst_case_s=worst_case_s,
                     predicted_s=_seconds(departed.predicted_s),
                     limit_s=departed.limit_s,
+                    bound_ratio=(
+                        duration_s / worst_case_s
+                        if duration_s is not None and worst_case_s > 0.0
+                        else None
+                    ),
                     meetings=tuple(
                         MeetingSummary(
                             auv=met.auv,
@@ -451,15 +555,75 @@ class _Figures:
                         )
                         for time_s, met in sorted(meetings, key=lambda each: each[0])
                     ),
+                    missed=_names(each for each in self.missed if each.sortie == number),
+                    given_up=_names(each for _, each in self.given_up if each.sortie == number),
+                    not_reached=broken_off.not_reached if broken_off else (),
                 )
             )
         return tuple(sorties)
+
+    def _delivered_s(self, scenario: Scenario | None) -> float | None:
+        cells_delivered = max((event.cells_delivered for _, event in self.deliveries), default=0)
+        if scenario is None or cells_delivered < scenario.region.cells_total:
+            return None
+        missing = self._samples_missing()
+        if missing is None or any(missing[auv] for auv in missing if auv not in self._lost()):
+            return None
+        return max((time_s for time_s, event in self.deliveries if event.samples), default=None)
+
+    def _lost(self) -> tuple[str, ...]:
+        # Within a tick the UAV first gives up and then listens.
+        return tuple(
+            sorted(
+                {
+                    event.auv
+                    for time_s, event in self.given_up
+                    if self.heard_again_s.get(event.auv, -math.inf) < time_s
+                }
+            )
+        )
+
+    def _undelivered_s(self, auv: str) -> list[float]:
+        """Return when an AUV took the samples that C3 does not have; it has the oldest ones."""
+        return self.sampled_s[auv][(self.at_c3 or {}).get(auv, 0) :]
+
+    def _samples_missing(self) -> dict[str, int] | None:
+        if self.at_c3 is None:
+            return None
+        return {auv: len(self._undelivered_s(auv)) for auv in sorted(self.sampled_s)}
+
+    def _data_age_max_s(self) -> float | None:
+        if self.at_c3 is None:
+            return None
+        end_s = self.latest_s if self.completed_s is None else self.completed_s
+        ages_s = [
+            event.oldest_age_s for _, event in self.deliveries if event.oldest_age_s is not None
+        ]
+        ages_s += [
+            end_s - undelivered_s[0]
+            for auv in self.sampled_s
+            if (undelivered_s := self._undelivered_s(auv))
+        ]
+        return _seconds(max(ages_s)) if ages_s else None
 
     def _is_over_limit(self, sortie: SortieSummary) -> bool:
         lasted_s = sortie.duration_s
         if lasted_s is None:
             lasted_s = self.latest_s - sortie.departed_s
         return is_before(sortie.limit_s, lasted_s)
+
+
+def _c3_wait_s(sorties: Iterable[SortieSummary]) -> float:
+    wait_s, back_s = 0.0, 0.0
+    for sortie in sorties:
+        wait_s += sortie.departed_s - back_s
+        # Without a return nobody knows how long it flew; nothing follows in such a record.
+        back_s = sortie.departed_s if sortie.returned_s is None else sortie.returned_s
+    return _seconds(wait_s)
+
+
+def _names(events: Iterable[Missed | GivenUp]) -> tuple[str, ...]:
+    return tuple(sorted(event.auv for event in events))
 
 
 def _seconds(time_s: float) -> float:

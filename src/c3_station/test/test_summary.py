@@ -7,7 +7,7 @@ import itertools
 import json
 import math
 import random
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 
 import msgspec
 import pytest
@@ -30,18 +30,28 @@ from msgs_json import codec
 from msgs_json.agent_shell import Frame
 from msgs_json.geometry import Cell
 from msgs_json.messages import (
+    AuvStatus,
     CellEntered,
+    ContactState,
     Event,
+    GivenUp,
+    HeardAgain,
     LegOutcome,
     MessageRefused,
     Met,
+    Missed,
     MissionCompleted,
     MissionStarted,
+    MissionState,
+    MissionStatus,
     MissionStopped,
     RadioStatus,
+    RecoveryReason,
     SamplesDelivered,
+    SearchBrokenOff,
     SortieDeparted,
     SortieReturned,
+    StayedUp,
     Surfaced,
 )
 from msgs_json.ros_messages import Odometry, RosMessage, Text, TrackPath
@@ -65,9 +75,13 @@ def started(scenario: Scenario) -> MissionStarted:
     )
 
 
-def departed(sortie: int) -> SortieDeparted:
+def departed(sortie: int, *, worst_case_s: float = 12.0) -> SortieDeparted:
     return SortieDeparted(
-        sortie=sortie, limit_s=30.0, predicted_s=11.0, worst_case_s=12.0, order=('auv_1',)
+        sortie=sortie,
+        limit_s=30.0,
+        predicted_s=11.0,
+        worst_case_s=worst_case_s,
+        order=('auv_1',),
     )
 
 
@@ -84,15 +98,23 @@ def met(sortie: int, leg_id: int, cell: Cell, path: tuple[Cell, ...]) -> Met:
     )
 
 
-def surfaced(leg_id: int, cell: Cell) -> Surfaced:
-    return Surfaced(leg_id=leg_id, outcome=LegOutcome.COMPLETED, cell=cell)
+def surfaced(leg_id: int, cell: Cell, outcome: LegOutcome = LegOutcome.COMPLETED) -> Surfaced:
+    return Surfaced(leg_id=leg_id, outcome=outcome, cell=cell)
 
 
 def entered(number: int, cell: Cell) -> CellEntered:
     return CellEntered(cell=cell, sample_number=number)
 
 
-MISSION: list[tuple[float, str, Event]] = [
+def delivered(sortie: int, samples: int, *, cells: int, age_s: float | None) -> SamplesDelivered:
+    return SamplesDelivered(
+        sortie=sortie, samples=samples, cells_delivered=cells, oldest_age_s=age_s
+    )
+
+
+Log = list[tuple[float, str, Event]]
+
+MISSION: Log = [
     (0.0, 'c3', started(tiny())),
     (0.0, 'auv_1', entered(0, (0, 0))),
     (10.0, 'auv_1', entered(1, (1, 0))),
@@ -100,30 +122,69 @@ MISSION: list[tuple[float, str, Event]] = [
     (12.0, 'uav', departed(1)),
     (14.0, 'uav', met(1, 0, (1, 0), ((1, 0), (0, 0), (0, 1)))),
     (16.0, 'uav', SortieReturned(sortie=1, duration_s=4.0)),
-    (16.0, 'c3', SamplesDelivered(sortie=1, samples=2, cells_delivered=2)),
+    (16.0, 'c3', delivered(1, 2, cells=2, age_s=16.0)),
     (24.0, 'auv_1', entered(2, (0, 0))),
     (34.0, 'auv_1', entered(3, (0, 1))),
     (34.0, 'auv_1', surfaced(1, (0, 1))),
     (37.0, 'uav', departed(2)),
     (39.0, 'uav', met(2, 1, (0, 1), ((0, 1), (1, 1), (1, 0)))),
     (41.0, 'uav', SortieReturned(sortie=2, duration_s=4.0)),
-    (41.0, 'c3', SamplesDelivered(sortie=2, samples=2, cells_delivered=3)),
+    (41.0, 'c3', delivered(2, 2, cells=3, age_s=17.0)),
     (49.0, 'auv_1', entered(4, (1, 1))),
     (59.0, 'auv_1', entered(5, (1, 0))),
     (59.0, 'auv_1', surfaced(2, (1, 0))),
     (60.0, 'uav', departed(3)),
     (64.0, 'uav', met(3, 2, (1, 0), ())),
     (97.0, 'uav', SortieReturned(sortie=3, duration_s=37.0)),
-    (97.0, 'c3', SamplesDelivered(sortie=3, samples=2, cells_delivered=4)),
-    (97.0, 'c3', MissionCompleted(cells_delivered=4, samples_delivered=6)),
+    (97.0, 'c3', delivered(3, 2, cells=4, age_s=48.0)),
+    (97.0, 'c3', MissionCompleted(cells_delivered=4, samples_delivered=6, lost=())),
 ]
 
 
-def summary_of(events: list[tuple[float, str, Event]], facts: BagFacts | None = None) -> Summary:
+def status_message(
+    at_c3: Mapping[str, int],
+    contacts: Mapping[str, ContactState | None] | None = None,
+    stamp_s: float = 0.0,
+) -> Text:
+    status = MissionStatus(
+        mission_id='minimal',
+        state=MissionState.SURVEYING,
+        sorties=0,
+        cells_total=4,
+        cells_delivered=0,
+        samples_delivered=sum(at_c3.values()),
+        auvs=tuple(
+            AuvStatus(
+                name=name,
+                leg_id=0,
+                predicted_cells=(),
+                surface_deadline_s=None,
+                contact=(contacts or {}).get(name),
+                next_contact_s=None,
+                searches_in_vain=0,
+                last_met_s=None,
+                samples_delivered=samples,
+            )
+            for name, samples in at_c3.items()
+        ),
+    )
+    return Text(codec.encode(status, src='c3', dst='*', seq=0, stamp_s=stamp_s))
+
+
+def summary_of(
+    events: Log, facts: BagFacts | None = None, at_c3: Mapping[str, int] | None = None
+) -> Summary:
+    """Return the summary; C3 shows that it has what it took over, if not something else."""
     summarizer = Summarizer()
     for stamp_s, source, event in events:
         summarizer.event(source, stamp_s, event)
+    taken = sum(event.samples for *_, event in events if isinstance(event, SamplesDelivered))
+    summarizer.message('/c3/mission_status', status_message(at_c3 or {'auv_1': taken}))
     return summarizer.summary(facts)
+
+
+def without(kind: type[Event], after_s: float = -1.0) -> Log:
+    return [each for each in MISSION if each[0] <= after_s or not isinstance(each[2], kind)]
 
 
 def test_figures_of_a_mission_by_hand() -> None:
@@ -139,13 +200,20 @@ def test_figures_of_a_mission_by_hand() -> None:
     assert summary.neglect_s == {'auv_1': 4.0 + 5.0}
     assert summary.neglect_fraction == 9.0 / 49.0
     assert (summary.samples_collected, summary.samples_delivered) == (6, 6)
+    assert summary.samples_missing == {'auv_1': 0}
     assert summary.samples_lost == 0
+    assert summary.data_age_max_s == 48.0
+    assert summary.c3_wait_s == 12.0 + 21.0 + 19.0  # before 12, from 16 to 37, from 41 to 60 s
     assert summary.lower_bound_s == 30.0
     assert summary.sortie_limit_violations == 1  # 37 s, the limit is 30 s
     assert (summary.wall_s, summary.real_time_factor) == (2.0, 48.5)
     first, _, third = summary.sorties
     assert (first.index, first.departed_s, first.returned_s, first.duration_s) == (1, 12, 16, 4)
     assert (first.worst_case_s, first.predicted_s, first.limit_s) == (12.0, 11.0, 30.0)
+    assert (first.bound_ratio, summary.bound_ratio_max) == (4.0 / 12.0, 37.0 / 12.0)
+    assert (first.missed, first.given_up, first.not_reached) == ((), (), ())
+    assert (summary.missed_total, summary.searches_broken_off) == (0, 0)
+    assert (summary.lost, summary.heard_again, summary.aborted) == ((), (), ())
     (meeting,) = first.meetings
     assert (meeting.auv, meeting.time_s, meeting.cell) == ('auv_1', 14.0, (1, 0))
     assert (meeting.slack_s, meeting.plan_status) == (20.0, 'ok')
@@ -161,12 +229,14 @@ def test_json_has_the_promised_keys() -> None:
         ' cells_explored moves_total revisits sorties sortie_limit_violations neglect_s'
         ' neglect_fraction samples_collected samples_delivered lower_bound_s radio wall_s'
         ' real_time_factor'
+        ' bound_ratio_max c3_wait_s missed_total searches_broken_off lost heard_again aborted'
+        ' samples_missing data_age_max_s'
     )
     assert set(promised.split()) <= set(content)
     sortie = content['sorties'][0]
     assert {
         *('index', 'departed_s', 'returned_s', 'duration_s', 'worst_case_s', 'predicted_s'),
-        *('limit_s', 'meetings'),
+        *('limit_s', 'meetings', 'bound_ratio', 'missed', 'given_up', 'not_reached'),
     } <= set(sortie)
     assert {'auv', 'time_s', 'cell', 'slack_s', 'path'} <= set(sortie['meetings'][0])
     assert sortie['meetings'][0]['path'] == [[1, 0], [0, 0], [0, 1]]
@@ -187,6 +257,9 @@ def test_sortie_still_being_flown_counts_once_it_is_over_the_limit() -> None:
     assert summary_of(late).sortie_limit_violations == 1
     assert summary_of(late).sorties[2].duration_s is None
     assert summary_of(late).sorties[2].returned_s is None
+    assert summary_of(late).sorties[2].bound_ratio is None
+    assert summary_of(late).bound_ratio_max == 4.0 / 12.0
+    assert summary_of(late).c3_wait_s == 52.0
 
 
 def test_mission_that_broke_off_has_nulls_and_a_reason() -> None:
@@ -209,18 +282,139 @@ def test_neglect_of_an_auv_that_is_never_met_counts_to_the_end() -> None:
 
 
 def test_delivery_is_not_complete_while_a_sample_is_missing() -> None:
-    lost = [each for each in MISSION if not isinstance(each[2], SamplesDelivered)]
-    lost.append((97.0, 'c3', SamplesDelivered(sortie=3, samples=5, cells_delivered=4)))
-    summary = summary_of(lost)
+    mission = [*without(SamplesDelivered), (97.0, 'c3', delivered(3, 5, cells=4, age_s=97.0))]
+    summary = summary_of(mission)
     assert summary.delivered_s is None
+    assert summary.samples_missing == {'auv_1': 1}
     assert summary.samples_lost == 1
+
+
+def test_delivery_is_not_complete_while_c3_has_nothing_of_a_cell() -> None:
+    # Entered by an AUV that is lost: explored, but nobody at C3 will ever know how it is there.
+    mission = [*without(SamplesDelivered, after_s=50.0), (95.0, 'uav', given_up(3))]
+    summary = summary_of(mission)
+    assert (summary.explored_s, summary.samples_lost) == (49.0, 0)
+    assert summary.delivered_s is None
+
+
+def test_a_return_without_samples_delivers_nothing() -> None:
+    mission = [*MISSION, (99.0, 'c3', delivered(4, 0, cells=4, age_s=None))]
+    assert summary_of(mission).delivered_s == 97.0
+
+
+def test_the_oldest_sample_that_was_never_delivered_ages_until_the_end() -> None:
+    mission = without(SamplesDelivered, after_s=20.0)  # those of 24, 34, 49 and 59 s stay away
+    assert summary_of(mission).data_age_max_s == 97.0 - 24.0
+    running = [each for each in mission if each[0] <= 60.0]
+    assert summary_of(running).data_age_max_s == 60.0 - 24.0
+
+
+def test_what_c3_has_of_an_auv_is_what_c3_says() -> None:
+    # Five of six arrived, whatever the log of deliveries claims.
+    assert summary_of(MISSION, at_c3={'auv_1': 5}).samples_missing == {'auv_1': 1}
+    silent = Summarizer()
+    for stamp_s, source, event in MISSION:
+        silent.event(source, stamp_s, event)
+    summary = silent.summary()
+    assert (summary.samples_missing, summary.samples_lost) == (None, None)
+    assert (summary.delivered_s, summary.data_age_max_s) == (None, None)
+
+
+# --- lost, late and broken off -------------------------------------------------------------------
+
+
+def given_up(sortie: int, auv: str = 'auv_1') -> GivenUp:
+    return GivenUp(sortie=sortie, auv=auv)
+
+
+def test_what_a_lost_auv_has_on_board_is_missing_but_no_fault_of_the_mission() -> None:
+    other = [(0.0, 'auv_2', entered(0, (1, 1))), (10.0, 'auv_2', entered(1, (1, 0)))]
+    lost = (41.0, 'uav', given_up(2, 'auv_2'))
+    summary = summary_of([*MISSION, *other, lost], at_c3={'auv_1': 6, 'auv_2': 0})
+    assert summary.lost == ('auv_2',)
+    assert summary.samples_missing == {'auv_1': 0, 'auv_2': 2}
+    assert summary.samples_lost == 0
+    assert summary.delivered_s == 97.0
+    assert summary.data_age_max_s == 97.0  # its first sample grew old until the end
+    assert summary_of([*MISSION, *other], at_c3={'auv_1': 6, 'auv_2': 0}).samples_lost == 2
+
+
+@pytest.mark.parametrize(
+    ('given_up_s', 'heard_again_s', 'lost', 'heard_again'),
+    [
+        ([41.0], [], ('auv_1',), ()),
+        ([41.0], [64.0], (), ('auv_1',)),
+        ([41.0, 70.0], [64.0], ('auv_1',), ('auv_1',)),
+        ([41.0], [41.0], (), ('auv_1',)),  # within a tick the UAV first decides and then listens
+    ],
+    ids=['for_good', 'heard_again', 'twice', 'in_the_same_tick'],
+)
+def test_lost_is_who_was_given_up_and_not_heard_again(
+    given_up_s: list[float],
+    heard_again_s: list[float],
+    lost: tuple[str, ...],
+    heard_again: tuple[str, ...],
+) -> None:
+    events: Log = [(time_s, 'uav', given_up(2)) for time_s in given_up_s]
+    events += [(time_s, 'uav', HeardAgain(auv='auv_1')) for time_s in heard_again_s]
+    for order in (events, events[::-1]):
+        summary = summary_of([*order, *MISSION])
+        assert (summary.lost, summary.heard_again) == (lost, heard_again)
+
+
+def test_a_sortie_tells_whom_it_missed_gave_up_and_left_out() -> None:
+    missed = [(40.0, 'uav', Missed(sortie=2, auv=auv)) for auv in ('auv_3', 'auv_2')]
+    broken_off = SearchBrokenOff(sortie=2, not_reached=('auv_5', 'auv_4'))
+    again = (90.0, 'uav', Missed(sortie=3, auv='auv_2'))
+    summary = summary_of(
+        [*MISSION, *missed, (40.0, 'uav', given_up(2, 'auv_3')), (40.0, 'uav', broken_off), again]
+    )
+    assert (summary.missed_total, summary.searches_broken_off) == (3, 1)
+    second, third = summary.sorties[1:]
+    assert (second.missed, second.given_up) == (('auv_2', 'auv_3'), ('auv_3',))
+    assert second.not_reached == ('auv_5', 'auv_4')  # in the order of the route
+    assert (third.missed, third.given_up, third.not_reached) == (('auv_2',), (), ())
+
+
+def test_who_asked_for_help_is_named_whether_it_came_up_for_it_or_was_up() -> None:
+    assert summary_of(MISSION).aborted == ()
+    under_way = (70.0, 'auv_3', surfaced(4, (0, 0), LegOutcome.ABORTED))
+    at_the_surface = (70.0, 'auv_2', StayedUp(reason=RecoveryReason.ABORTED))
+    planned = (70.0, 'auv_1', StayedUp(reason=RecoveryReason.EXPLORED))
+    assert summary_of([*MISSION, under_way, at_the_surface, planned]).aborted == ('auv_2', 'auv_3')
+
+
+def test_a_sortie_that_had_no_way_to_go_has_no_ratio() -> None:
+    at_home = [(98.0, 'uav', departed(4, worst_case_s=0.0))]
+    at_home.append((98.0, 'uav', SortieReturned(sortie=4, duration_s=0.0)))
+    summary = summary_of([*MISSION, *at_home])
+    assert summary.sorties[3].bound_ratio is None
+    assert summary.bound_ratio_max == 37.0 / 12.0
+
+
+def test_changes_of_what_silence_means_are_kept_once() -> None:
+    summarizer = Summarizer()
+    for stamp_s, contact in (
+        (0.0, ContactState.EXPECTED_SILENT),
+        (10.0, ContactState.EXPECTED_SILENT),
+        (12.0, ContactState.DUE),
+        (16.0, None),
+    ):
+        message = status_message({'auv_1': 0}, {'auv_1': contact}, stamp_s)
+        summarizer.message('/c3/mission_status', message)
+    assert summarizer.contacts == {
+        'auv_1': [(0.0, ContactState.EXPECTED_SILENT), (12.0, ContactState.DUE), (16.0, None)]
+    }
 
 
 def test_nothing_recorded_gives_a_summary_of_nulls() -> None:
     summary = summary_of([])
     assert summary.scenario is None
     assert summary.cells_total is None
-    assert summary.samples_lost is None
+    assert (summary.samples_lost, summary.samples_missing) == (None, {})
+    assert summarize([]).samples_missing is None
+    assert (summary.bound_ratio_max, summary.data_age_max_s) == (None, None)
+    assert summary.c3_wait_s == 0.0
     assert json.loads(summary.to_json())['sorties'] == []
 
 
@@ -464,6 +658,8 @@ def test_events_and_messages_give_the_same_summary() -> None:
             envelope, body = codec.decode(message.data)
             assert isinstance(body, Event)
             summarizer.event(envelope.src, envelope.stamp, body)
+        elif topic == '/c3/mission_status':
+            summarizer.message(topic, message)
     from_events = summarizer.summary()
     assert from_events.radio is None
     assert msgspec.structs.replace(from_events, radio=summarize(records).radio) == summarize(
