@@ -80,6 +80,15 @@ def test_exit_code_tells_a_failed_pass_condition(
     assert '1' in told
 
 
+def test_keys_are_set_for_one_run(tiny: Path, tmp_path: Path) -> None:
+    out = tmp_path / 'run'
+    words = ('sortie.limit_s=45', 'auvs.0.surfacing={model: early, probability: 0.5}')
+    assert run('run', tiny, '--no-ros', '--no-bag', '--out', out, '--set', *words) == ExitCode.OK
+    flown = json.loads((out / 'scenario.json').read_text())
+    assert flown['sortie']['limit_s'] == 45.0
+    assert flown['auvs'][0]['surfacing'] == {'model': 'early', 'probability': 0.5}
+
+
 def test_an_existing_folder_is_refused_and_replaced_only_by_force(
     tiny: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -109,6 +118,7 @@ def test_force_never_removes_a_folder_that_is_no_run(
     [
         (('run', 'ecc2008', '--no-ros'), 'ecc2009'),
         (('run', 'ecc2009', '--no-ros', '--planner', 'magic'), 'magic'),
+        (('run', 'ecc2009', '--no-ros', '--set', 'sortie.limit_s=-5'), 'sortie.limit_s is -5'),
         (('check', 'no/such/file.yaml'), 'no/such/file.yaml'),
         (('report', 'no/such/bag'), 'no/such/bag'),
         (('recover', 'no/such/bag'), 'no/such/bag'),

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from importlib.metadata import PackageNotFoundError, version
 
 import msgspec
 
 from c3_station.mission_views import diagnostics, occupancy, survey_markers
 from c3_station.scenario import Scenario
+from c3_station.software import software_version
 from msgs_json.agent import Log, Output, Publish, Refuse, Transmit
 from msgs_json.codec import Refusal
 from msgs_json.geometry import Cell, is_before, path_length_m, surface_deadline_s
@@ -312,11 +312,3 @@ def _mission_order(scenario: Scenario, now_s: float) -> MissionOrder:
             for auv in scenario.auvs
         ),
     )
-
-
-def software_version() -> str:
-    """Return the version of this software as it is installed."""
-    try:
-        return version('c3_station')
-    except PackageNotFoundError:
-        return 'not installed'

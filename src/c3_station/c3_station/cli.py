@@ -11,8 +11,8 @@ from pathlib import Path
 from rich.console import Console
 
 from c3_station.exit_codes import ExitCode
+from c3_station.program import PROGRAM
 
-_PROGRAM = 'python3 orchestrate.py'
 _DEFAULT_SCENARIO = 'ecc2009'
 _DEFAULT_RATE = 30.0
 """Times real time: the reference mission in about 18 seconds, so that a person can watch."""
@@ -48,7 +48,7 @@ def main(arguments: Sequence[str]) -> int:
 
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
-        prog=_PROGRAM,
+        prog=PROGRAM,
         description='Shearwater: explore the sea with AUVs and the UAV that relays for them. '
         f'Without a command it flies the mission {_DEFAULT_SCENARIO}.',
     )
@@ -58,7 +58,7 @@ def _parser() -> argparse.ArgumentParser:
             name,
             help=command.summary,
             description=command.summary[0].upper() + command.summary[1:] + '.',
-            epilog=f'example: {_PROGRAM} {command.example}',
+            epilog=f'example: {PROGRAM} {command.example}',
         )
         command.add_options(sub)
     return parser
@@ -86,6 +86,14 @@ def _run_options(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument('--planner', help="instead of the scenario's planner")
     parser.add_argument('--seed', type=int, help="instead of the scenario's seed")
+    parser.add_argument(
+        '--set',
+        action='extend',
+        nargs='+',
+        default=[],
+        metavar='KEY=VALUE',
+        help='change the scenario, such as sortie.limit_s=50 or surfacing=mixed',
+    )
     parser.add_argument('--out', type=Path, help='folder to make (default: a new one in runs/)')
     parser.add_argument('--force', action='store_true', help='replace the folder if it exists')
     parser.add_argument(
@@ -99,10 +107,14 @@ def _run_options(parser: argparse.ArgumentParser) -> None:
 
 def _run(options: argparse.Namespace, console: Console) -> ExitCode:
     from c3_station.mission_run import RunOptions, run_mission
+    from c3_station.scenario_changes import read_change
     from c3_station.scenario_files import load_scenario, with_choices
 
     scenario = with_choices(
-        load_scenario(options.scenario), planner=options.planner, seed=options.seed
+        load_scenario(options.scenario),
+        planner=options.planner,
+        seed=options.seed,
+        changes=[read_change(text) for text in options.set],
     )
     rate = options.rate
     if rate is None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shlex
 from base64 import b64encode
 from contextlib import contextmanager
 from pathlib import Path
@@ -16,7 +15,8 @@ from c3_station.figure_style import auv_label
 from c3_station.figures import draw_figures
 from c3_station.mission_record import read_mission
 from c3_station.paper import comparisons, is_reference_mission
-from c3_station.scenario_files import scenario_json, shipped_scenarios
+from c3_station.program import command_line
+from c3_station.scenario_files import load_scenario, scenario_json, shipped_scenarios
 from c3_station.summary import check_conditions
 
 if TYPE_CHECKING:
@@ -24,8 +24,6 @@ if TYPE_CHECKING:
 
     from c3_station.figures import DrawnFigure
     from c3_station.mission_record import MissionRecord
-
-PROGRAM = 'python3 orchestrate.py'
 
 
 def write_report(bag: Path, out: Path) -> MissionRecord:
@@ -97,15 +95,21 @@ def _rebuild(bag: Path, out: Path) -> str:
     """Return how to make the page again."""
     beside_the_bag = find_bag(bag).resolve().parent == out.resolve()
     options = [] if beside_the_bag else ['--out', str(out)]
-    return f'{PROGRAM} {shlex.join(["report", str(bag), *options])}'
+    return command_line('report', str(bag), *options)
 
 
 def _fly_again(record: MissionRecord) -> str | None:
-    """Return how to fly a shipped scenario again; None where the file is somebody's own."""
-    scenario, summary = record.scenario, record.summary
+    """Return how to fly a shipped scenario again; None where the mission was somebody's own."""
+    scenario = record.scenario
     if scenario is None or scenario.name not in shipped_scenarios():
         return None
-    return f'{PROGRAM} run {scenario.name} --planner {summary.planner} --seed {summary.seed}'
+    shipped = load_scenario(scenario.name)
+    planner = scenario.planner.name
+    options = shipped.planner.options if planner == shipped.planner.name else {}
+    chosen = msgspec.structs.replace(shipped.planner, name=planner, options=options)
+    if scenario != msgspec.structs.replace(shipped, planner=chosen, seed=scenario.seed):
+        return None
+    return command_line('run', scenario.name, '--planner', planner, '--seed', str(scenario.seed))
 
 
 def _template() -> jinja2.Template:

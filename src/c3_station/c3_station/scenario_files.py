@@ -14,6 +14,7 @@ import msgspec
 import yaml
 
 from c3_station.scenario import Scenario
+from c3_station.scenario_changes import change_content
 from c3_station.scenario_checks import mission_problems
 from c3_station.shape_checks import nearest, shape_problems
 from c3_station.yaml_tree import YamlTree, read_yaml
@@ -21,10 +22,12 @@ from c3_station.yaml_tree import YamlTree, read_yaml
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
 
+    from c3_station.scenario_changes import Change
     from c3_station.shape_checks import Problem
 
 SUFFIXES = ('.yaml', '.yml')
 
+_COMMAND_LINE = 'command line'
 _SHIPPED = Path(__file__).parent / 'scenarios'
 
 
@@ -81,24 +84,36 @@ def parse_scenario(text: str) -> Scenario:
     return _checked(value, 'scenario JSON', None)
 
 
-def with_choices(scenario: Scenario, *, planner: str | None, seed: int | None) -> Scenario:
+def with_choices(
+    scenario: Scenario,
+    *,
+    planner: str | None = None,
+    seed: int | None = None,
+    changes: Iterable[Change] = (),
+) -> Scenario:
     """
-    Return a scenario with another planner or seed; None keeps what it has.
+    Return a scenario with another planner, another seed or changed keys; None keeps what it has.
 
     Another planner is flown with its default options: those in the file are the file's planner's.
+    Changes are made one after another, after that. A path in them is seen from where we are.
 
     Raises
     ------
     ScenarioError
-        There is no such planner, or the seed is out of range.
+        There is no such planner or key, or what comes out is no mission.
 
     """
-    content = msgspec.to_builtins(scenario)
+    content = msgspec.json.decode(scenario_json(scenario))
     if planner is not None and planner != scenario.planner.name:
         content['planner'] |= {'name': planner, 'options': {}}
     if seed is not None:
         content['seed'] = seed
-    return _checked(content, 'command line', None)
+    for change in changes:
+        problems = change_content(content, change) or shape_problems(content, Scenario)
+        if problems:
+            raise ScenarioError(_COMMAND_LINE, map(str, problems))
+        _resolve_paths(content['field'], Path())
+    return _checked(content, _COMMAND_LINE, None)
 
 
 def scenario_json(scenario: Scenario) -> bytes:
