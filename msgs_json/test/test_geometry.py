@@ -107,6 +107,45 @@ def test_a_point_outside_gets_the_nearest_cell(region: GridSpec, point: Point) -
 
 
 @pytest.mark.parametrize(
+    ('east_m', 'north_m', 'neighbour'),
+    [
+        (15.0, 15.0, None),  # at the centre
+        (15.0 + 1e-9, 15.0, None),  # as good as at the centre
+        (15.1, 15.0, (2, 1)),
+        (10.0, 15.0, (0, 1)),  # on the edge between the two
+        (15.0, 24.0, (1, 2)),  # well inside the neighbour
+        (15.0, 14.9, (1, 0)),
+        (17.0, 18.0, (1, 2)),  # on two sides: the one it is farther on
+        (17.0, 13.5, (2, 1)),
+    ],
+)
+def test_neighbour_toward_a_point(east_m: float, north_m: float, neighbour: Cell | None) -> None:
+    point = Point(east_m=east_m, north_m=north_m)
+    assert REGION.neighbour_toward((1, 1), point) == neighbour
+
+
+def test_outside_the_region_there_is_no_neighbour() -> None:
+    corner = (3, 2)
+    assert REGION.neighbour_toward(corner, Point(east_m=38.0, north_m=25.0)) is None
+    assert REGION.neighbour_toward(corner, Point(east_m=38.0, north_m=24.0)) == (3, 1)
+
+
+@given(regions, st.data(), st.floats(1e-6, 1.0))
+def test_on_the_way_to_a_neighbour_a_point_lies_toward_it(
+    region: GridSpec, data: st.DataObject, share: float
+) -> None:
+    cell = (
+        data.draw(st.integers(0, region.cols - 1)),
+        data.draw(st.integers(0, region.rows - 1)),
+    )
+    east, north = data.draw(st.sampled_from([(1, 0), (0, 1), (-1, 0), (0, -1)]))
+    neighbour = (cell[0] + east, cell[1] + north)
+    between = region.centre(cell).toward(region.centre(neighbour), share * region.cell_m)
+    expected = neighbour if region.contains(neighbour) else None
+    assert region.neighbour_toward(cell, between) == expected
+
+
+@pytest.mark.parametrize(
     ('path', 'problem'),
     [
         ([(0, 0), (1, 0), (1, 1), (0, 1), (0, 0)], None),

@@ -18,6 +18,8 @@ from uav_planner.planning import (
     PlanRequest,
     PlanResult,
     PlanStatus,
+    Prospect,
+    SortieRequest,
     SurveyLeg,
 )
 from uav_planner.sortie import flight_time_s, lay_route
@@ -74,9 +76,14 @@ def hand_overs() -> list[tuple[PlanRequest, tuple[Cell, ...]]]:
                 auv=auv,
                 cell=path[0],
                 legs=tuple(
-                    SurveyLeg(auv=name, path=paths[name], surface_deadline_s=0.0) for name in AUVS
+                    SurveyLeg(
+                        auv=name,
+                        path=paths[name],
+                        surface_deadline_s=0.0,
+                        prospect=Prospect.STAYS if name in AUVS[:turn] else Prospect.ENDS,
+                    )
+                    for name in AUVS
                 ),
-                met=frozenset(AUVS[:turn]),
                 now_s=0.0,
             )
             meetings.append((request, path))
@@ -118,7 +125,8 @@ def test_next_sortie_of_the_reference_mission() -> None:
             AUVS, hand_overs()[:3], (74.0, 80.0, 93.0), strict=True
         )
     )
-    sortie = Ecc2009Planner().plan_sortie(REFERENCE, legs, 44.0)
+    request = SortieRequest(mission=REFERENCE, legs=legs, now_s=44.0)
+    sortie = Ecc2009Planner().plan_sortie(request)
     assert sortie.route == lay_route(REFERENCE, legs)
     assert sortie.depart_s == 74.0  # the first AUV surfaces within range of C3
     assert sortie.predicted_s == sortie.worst_case_s == 59.0  # and nothing is waited for
@@ -136,7 +144,8 @@ def requests(draw: st.DrawFn, path_cells: int = 4) -> PlanRequest:
     for auv in auvs:
         path = path_of(draw(cells), draw(moves))
         inside = tuple(cell for cell in path if grid.contains(cell))
-        legs.append(SurveyLeg(auv=auv, path=inside, surface_deadline_s=0.0))
+        prospect = draw(st.sampled_from(Prospect))
+        legs.append(SurveyLeg(auv=auv, path=inside, surface_deadline_s=0.0, prospect=prospect))
     turn = draw(st.integers(0, len(auvs) - 1))
     halvings = draw(st.lists(st.integers(0, 5), min_size=cols * rows, max_size=cols * rows))
     longest = draw(st.integers(1, path_cells))
@@ -155,7 +164,6 @@ def requests(draw: st.DrawFn, path_cells: int = 4) -> PlanRequest:
         auv=auvs[turn],
         cell=draw(cells),
         legs=tuple(legs),
-        met=frozenset(draw(st.sets(st.sampled_from([*auvs[:turn], *auvs[turn + 1 :], 'auv_9'])))),
         now_s=0.0,
     )
 
@@ -215,7 +223,6 @@ def single_auv(mission: MissionSpec, cell: Cell) -> PlanResult:
             auv='auv_1',
             cell=cell,
             legs=(leg,),
-            met=frozenset(),
             now_s=0.0,
         )
     )
@@ -247,7 +254,6 @@ def test_the_only_feasible_paths_may_be_the_worst_ones() -> None:
         auv='auv_1',
         cell=(6, 0),
         legs=(leg,),
-        met=frozenset(),
         now_s=0.0,
     )
     plan = Ecc2009Planner().plan_path(request)
@@ -312,7 +318,7 @@ def test_planners_are_made_by_name_with_options() -> None:
 
 
 def test_unknown_planners_and_options_are_refused_by_name() -> None:
-    with pytest.raises(ValueError, match="unknown planner 'dijkstra'; allowed: ecc2009"):
+    with pytest.raises(ValueError, match="unknown planner 'dijkstra'; allowed: ecc2009, robust"):
         make_planner('dijkstra')
     with pytest.raises(ValueError, match="no option 'speed'; allowed: tie_order"):
         make_planner('ecc2009', speed=3)

@@ -1,0 +1,208 @@
+"""A UAV on the bench: two AUVs that a test speaks for, a planner that is easy to foresee."""
+
+from __future__ import annotations
+
+import msgspec
+
+from msgs_json.agent import Log, Output, Publish, Refuse, Transmit
+from msgs_json.codec import Refusal
+from msgs_json.drivers import NoPorts, UavDriverSetup
+from msgs_json.geometry import Cell, GridSpec, Point
+from msgs_json.messages import (
+    Acknowledged,
+    Acknowledgement,
+    AuvOrder,
+    Event,
+    Leg,
+    LegOutcome,
+    Message,
+    MissionOrder,
+    PathAssignment,
+    RecoveryOrder,
+    Sample,
+    SurfacingReport,
+)
+from msgs_json.ros_messages import Odometry
+from uav_planner.drivers.kinematic import make_driver
+from uav_planner.planning import (
+    Planner,
+    PlanRequest,
+    PlanResult,
+    PlanStatus,
+    SortiePlan,
+    SortieRequest,
+)
+from uav_planner.sortie import flight_time_s, lay_route, punctual_departure_s, worst_case_s
+from uav_planner.uav_agent import UavAgent, UavSetup
+
+# Two AUVs on a strip of 6 x 2 cells; C3 lies in its south-west corner. The UAV flies 5 m a tick
+# and hears 5 m far, so it is at most 5 m from the centre of a cell that it clears.
+REGION = GridSpec(cols=6, rows=2, cell_m=10.0)
+C3 = Point(east_m=0.0, north_m=0.0)
+PATHS: dict[str, tuple[Cell, ...]] = {'auv_1': ((1, 0), (2, 0)), 'auv_2': ((4, 0), (5, 0))}
+
+
+class OneStep:
+    """Plans sorties as ECC 2009 does; every path is one cell to the east, or to the west."""
+
+    def __init__(self, *, guarantees_limit: bool = False) -> None:
+        self.guarantees_limit = guarantees_limit
+        self.requests: list[PlanRequest] = []
+
+    def plan_path(self, request: PlanRequest) -> PlanResult:
+        self.requests.append(request)
+        col, row = request.cell
+        path = (request.cell, (col + 1 if col + 1 < REGION.cols else col - 1, row))
+        return PlanResult(status=PlanStatus.OK, path=path, slack_s=7.0, sortie_time_s=9.0)
+
+    def plan_sortie(self, request: SortieRequest) -> SortiePlan:
+        mission = request.mission
+        route = lay_route(mission, request.legs)
+        depart_s = punctual_departure_s(mission, route, request.now_s)
+        return SortiePlan(
+            route=route,
+            depart_s=depart_s,
+            predicted_s=flight_time_s(mission, route),
+            worst_case_s=worst_case_s(mission, route, depart_s),
+        )
+
+
+class Bench:
+    """A UAV in the air, driven second by second."""
+
+    def __init__(self, planner: Planner | None = None) -> None:
+        self.planner = planner or OneStep()
+        setup = UavSetup(c3='c3', speed_mps=5.0, altitude_m=30.0, tick_s=1.0, arrival_radius_m=0.0)
+        driver = make_driver(
+            UavDriverSetup(name='uav', home=C3, speed_mps=5.0, altitude_m=30.0), NoPorts()
+        )
+        self.agent = UavAgent('uav', setup, self.planner, driver)
+        self.now_s = -1.0
+
+    def tick(self, seconds: int = 1) -> list[Output]:
+        """Let time pass; return all that came of it."""
+        output: list[Output] = []
+        for _ in range(seconds):
+            self.now_s += 1.0
+            output += self.agent.tick(self.now_s)
+        return output
+
+    def until(self, kind: type[Event], *, at_most_s: int = 200) -> list[Output]:
+        """Let time pass until something happens; return all that came of it."""
+        output: list[Output] = []
+        for _ in range(at_most_s):
+            output += self.tick()
+            if of(kind, events(output)):
+                return output
+        raise AssertionError(f'no {kind.__name__} within {at_most_s} s')
+
+    def hear(self, src: str, message: Message) -> list[Output]:
+        return self.agent.receive(src, message, self.now_s)
+
+    def ordered(self, **changes: object) -> Bench:
+        self.tick()
+        self.hear('c3', order(**changes))
+        return self
+
+    def meet(self, auv: str, leg_id: int = 0, *, acknowledges: bool = True) -> list[Output]:
+        """Let an AUV report and, if it is to, acknowledge what it is told."""
+        output = self.hear(auv, report(auv, leg_id))
+        if acknowledges:
+            for body in said(output, auv):
+                match body:
+                    case PathAssignment(leg=leg):
+                        output += self.hear(auv, taken(Acknowledged.PATH_ASSIGNMENT, leg.leg_id))
+                    case RecoveryOrder():
+                        output += self.hear(auv, taken(Acknowledged.RECOVERY_ORDER, leg_id))
+        return output
+
+    def position(self) -> Point:
+        (odometry,) = (
+            each.message
+            for each in self.tick()
+            if isinstance(each, Publish) and isinstance(each.message, Odometry)
+        )
+        return odometry.position
+
+
+def order(**changes: object) -> MissionOrder:
+    base = MissionOrder(
+        mission_id='strip',
+        region=REGION,
+        c3=C3,
+        radio_range_m=5.0,
+        sortie_limit_s=100.0,
+        path_cells=1,
+        min_path_cells=1,
+        surface_margin_s=0.0,
+        handover_s=0.0,
+        lost_after_sorties=3,
+        auvs=tuple(auv_order(name, path) for name, path in PATHS.items()),
+    )
+    return msgspec.structs.replace(base, **changes)
+
+
+def auv_order(name: str, path: tuple[Cell, ...]) -> AuvOrder:
+    return AuvOrder(
+        name=name, speed_mps=1.0, leg=Leg(leg_id=0, path=path, surface_deadline_s=10.0)
+    )
+
+
+def cells_of(auv: str, leg_id: int) -> tuple[Cell, Cell]:
+    """Return the path of an AUV's leg as `OneStep` plans it: there, on, and back."""
+    path = PATHS[auv]
+    for _ in range(leg_id):
+        col, row = path[-1]
+        path = (path[-1], (col + 1 if col + 1 < REGION.cols else col - 1, row))
+    return path[0], path[1]
+
+
+def report(auv: str, leg_id: int = 0, **changes: object) -> SurfacingReport:
+    """Return an honest report of a leg that was completed."""
+    path = cells_of(auv, leg_id)
+    entered = path if leg_id == 0 else path[1:]
+    first = 0 if leg_id == 0 else leg_id + 1
+    base = SurfacingReport(
+        auv=auv,
+        leg_id=leg_id,
+        outcome=LegOutcome.COMPLETED,
+        moves_done=1,
+        cell=path[-1],
+        position=REGION.centre(path[-1]),
+        surfaced_s=10.0,
+        samples=tuple(
+            Sample(number=number, cell=cell, entered_s=0.0, value=1.0)
+            for number, cell in enumerate(entered, first)
+        ),
+    )
+    return msgspec.structs.replace(base, **changes)
+
+
+def taken(what: Acknowledged, reference: int) -> Acknowledgement:
+    return Acknowledgement(acknowledges=what, reference=reference)
+
+
+def said(output: list[Output], dst: str) -> list[Message]:
+    return [each.body for each in output if isinstance(each, Transmit) and each.dst == dst]
+
+
+def events(output: list[Output]) -> list[Event]:
+    return [each.event for each in output if isinstance(each, Log)]
+
+
+def of(kind: type[Event], some: list[Event]) -> list[Event]:
+    return [event for event in some if isinstance(event, kind)]
+
+
+def refused(output: list[Output]) -> tuple[str, Refusal]:
+    (refuse,) = output
+    assert isinstance(refuse, Refuse)
+    return refuse.sender, refuse.refusal
+
+
+def path_handed_over(output: list[Output], auv: str) -> Leg:
+    custody, assignment = said(output, auv)
+    assert custody == taken(Acknowledged.SURFACING_REPORT, custody.reference)  # type: ignore[attr-defined]
+    assert isinstance(assignment, PathAssignment)
+    assert assignment.auv == auv
+    return assignment.leg
