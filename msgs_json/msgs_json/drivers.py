@@ -15,6 +15,7 @@ from importlib.metadata import EntryPoint, entry_points
 from typing import TYPE_CHECKING, Any, Protocol
 
 from msgs_json.ros_messages import Odometry
+from msgs_json.straight_motion import STILL, Flow
 
 if TYPE_CHECKING:
     import numpy as np
@@ -69,6 +70,12 @@ class AuvState(VehicleState):
     """At the surface, radio out of the water."""
     waypoints_reached: int
     """How many points of the present leg it has reached."""
+    needs_help: bool = False
+    """
+    It has a fault that ends its survey (a leak, a weak battery), and keeps it.
+
+    Its agent brings it up, says so, and sends it on no further leg.
+    """
 
 
 class UavDriver(Protocol):
@@ -124,7 +131,11 @@ class AuvDriver(Protocol):
         ...
 
     def surface(self) -> None:
-        """Come up here and now, and stay up until the next ``follow``."""
+        """
+        Come up here and now, and stay up until the next ``follow``.
+
+        Told again before it is up, it goes on coming up.
+        """
         ...
 
     def step(self, now_s: float) -> AuvState:
@@ -151,7 +162,10 @@ class UavDriverSetup:
     home: Point
     """C3, where the UAV starts."""
     speed_mps: float
+    """Through the air."""
     altitude_m: float
+    wind: Flow = STILL
+    """Over the simulator's UAV; others ignore it."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

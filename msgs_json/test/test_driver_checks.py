@@ -380,6 +380,18 @@ class SwimsOnAtTheSurface(GoodAuv):
         return super().step(now_s)
 
 
+class DivesWhenToldTwice(GoodAuv):
+    def surface(self) -> None:
+        self.up = not self.up
+
+
+class CriesWolf(GoodAuv):
+    """Asks for help when it comes up after a leg."""
+
+    def state(self) -> AuvState:
+        return replace(super().state(), needs_help=self.up and len(self.line) > 1)
+
+
 class CountsItsPlace(GoodAuv):
     """Counts the place where a leg begins as a waypoint."""
 
@@ -460,6 +472,8 @@ class SwimsByCalls(GoodAuv):
         (BobsInTheWaves, 'surfaced_means_z_is_0'),
         (StaysWet, 'surfaces_where_it_is'),
         (SwimsOnAtTheSurface, 'surfaces_where_it_is'),
+        (DivesWhenToldTwice, 'surfaces_where_it_is'),
+        (CriesWolf, 'asks_for_no_help'),
         (CountsOn, 'takes_another_leg'),
         (BreathesOnce, 'takes_another_leg'),
         (SwimsAnywhere, 'refuses_a_leg_that_leads_nowhere'),

@@ -185,15 +185,19 @@ def surfaced_means_z_is_0(bench: AuvBench) -> Iterator[str]:
 
 
 def surfaces_where_it_is(bench: AuvBench) -> Iterator[str]:
-    """Come up when told, in mid-leg or at its end, and stay up in that place."""
+    """
+    Come up when told, in mid-leg or at its end, and stay up in that place.
+
+    It may be told again and again, for a command may get lost; that makes no difference.
+    """
     leg_ticks = _ticks_of(LEG_LINE, bench.pace)
     for ticks in (3, leg_ticks // 4, leg_ticks):
         trial = bench.trial()
         trial.driver.follow(LEG)
         for _ in range(1 + bench.settle_ticks + ticks):
             below = trial.tick()
-        trial.driver.surface()
         for tick in range(bench.settle_ticks + 5):
+            trial.driver.surface()
             state = trial.again() if tick == 0 else trial.tick()
             if tick >= bench.settle_ticks and not state.surfaced:
                 yield f'is at z = {state.z_m} m {tick} ticks after it was told to surface'
@@ -201,6 +205,19 @@ def surfaces_where_it_is(bench: AuvBench) -> Iterator[str]:
                 yield f'left {place(below.position)} for {place(state.position)} to surface'
             if state.waypoints_reached != below.waypoints_reached:
                 yield f'counts another waypoint as reached while it comes up: {state}'
+
+
+def asks_for_no_help(bench: AuvBench) -> Iterator[str]:
+    """Ask for help where something is wrong only: not on a leg, nor before or after it."""
+    trial = bench.trial()
+    states = [trial.tick()]
+    trial.driver.follow(LEG)
+    states += [trial.tick() for _ in range(_ticks_of(LEG_LINE, bench.pace) + 3)]
+    trial.driver.surface()
+    states += [trial.tick() for _ in range(bench.settle_ticks + 3)]
+    for state in states:
+        if state.needs_help:
+            yield f'nothing is wrong, but it needs help: {state}'
 
 
 def takes_another_leg(bench: AuvBench) -> Iterator[str]:
@@ -249,6 +266,7 @@ AUV_RULES: tuple[Rule[AuvDriver, AuvState], ...] = (
     stays_down_until_told,
     surfaced_means_z_is_0,
     surfaces_where_it_is,
+    asks_for_no_help,
     takes_another_leg,
     refuses_a_leg_that_leads_nowhere,
 )

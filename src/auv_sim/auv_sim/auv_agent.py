@@ -95,14 +95,19 @@ class AuvAgent:
         if self._report is None:
             # Decided once: at another try the vehicle may be up, which would then look early.
             self._outcome = self._outcome or self._reason_to_surface(state, now_s)
-            if self._outcome is not None:
+            if self._outcome is not None and not state.surfaced:
                 self._driver.surface()
                 state = self._driver.step(now_s)
+            if self._outcome is not None and state.surfaced:
                 self._untold += self._come_up(self._outcome, state, now_s)
         output, self._untold = self._untold, []
         output.append(Publish(ODOM, state.odometry(self.name, now_s)))
         if self._report is not None and not self.finished:
-            report = structs.replace(self._report, samples=tuple(self._unrelieved))
+            # A fault may come while it lies at the surface, too.
+            outcome = LegOutcome.ABORTED if state.needs_help else self._report.outcome
+            report = structs.replace(
+                self._report, outcome=outcome, samples=tuple(self._unrelieved)
+            )
             output.append(Transmit(self._mission.uav, report))
         return output
 
@@ -175,6 +180,8 @@ class AuvAgent:
         return Log(CellEntered(cell=cell, sample_number=number), now_s)
 
     def _reason_to_surface(self, state: AuvState, now_s: float) -> LegOutcome | None:
+        if state.needs_help:
+            return LegOutcome.ABORTED
         if self._reached == len(self._cells_ahead):
             return LegOutcome.COMPLETED
         if state.surfaced:
@@ -211,10 +218,13 @@ class AuvAgent:
         problem = self._problem_with(leg, now_s)
         if problem:
             return [Refuse(self._mission.uav, Refusal.CONTRADICTORY, problem)]
+        state = self._driver.step(now_s)
+        if state.needs_help:
+            return [self._not_possible('it needs help and stays at the surface')]
         try:
-            dive = self._dive(leg, self._driver.step(now_s), now_s)
+            dive = self._dive(leg, state, now_s)
         except CommandRefusedError as error:
-            return [Refuse(self._mission.uav, Refusal.NOT_POSSIBLE, str(error))]
+            return [self._not_possible(str(error))]
         return [acknowledgement, *dive]
 
     def _problem_with(self, leg: Leg, now_s: float) -> str | None:
@@ -237,6 +247,9 @@ class AuvAgent:
             return [acknowledgement]  # repeated by the UAV: it missed our answer
         self.finished = True
         return [acknowledgement, Log(StayedUp(reason=order.reason), now_s)]
+
+    def _not_possible(self, why: str) -> Refuse:
+        return Refuse(self._mission.uav, Refusal.NOT_POSSIBLE, why)
 
     def _unexpected(self, order: str) -> Refuse:
         state = 'under way' if self._report is None else 'at the surface'

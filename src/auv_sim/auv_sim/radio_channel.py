@@ -1,8 +1,9 @@
 """
 The radio channel: who hears whom, decided from true positions.
 
-Radio does not reach under water and not beyond its range. Nothing an agent does can change that:
-vehicles never address each other's topics, and what they say comes here first.
+Radio does not reach under water and not beyond its range, and may be dead for a time. Nothing an
+agent does can change that: vehicles never address each other's topics, and what they say comes
+here first.
 """
 
 from __future__ import annotations
@@ -12,10 +13,12 @@ from collections import Counter
 from collections.abc import Iterable
 from dataclasses import dataclass
 
+import msgspec
+
 from msgs_json import codec
 from msgs_json.codec import MessageError
-from msgs_json.geometry import Point, within_range
-from msgs_json.messages import BlockReason, RadioStatus
+from msgs_json.geometry import Point, is_before, within_range
+from msgs_json.messages import BlockReason, Name, RadioStatus, Seconds
 
 
 class StationKind(enum.Enum):
@@ -37,12 +40,30 @@ _LINKS = frozenset(
 """Who has a radio link with whom; C3's own radio speaks only with the UAV."""
 
 
+class RadioOutage(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """A time in which a station's radio is dead: nobody hears it, and it hears nobody."""
+
+    station: Name
+    from_s: Seconds
+    until_s: Seconds
+    """The first moment at which it works again."""
+
+    def __post_init__(self) -> None:
+        if self.until_s < self.from_s:
+            raise ValueError(f'until_s is {self.until_s:g}; allowed: at least {self.from_s:g}')
+
+    def holds_at(self, now_s: float) -> bool:
+        """Return whether the radio is dead at a time."""
+        return not is_before(now_s, self.from_s) and is_before(now_s, self.until_s)
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ChannelModel:
     """The physics of the channel."""
 
     range_m: float
     max_message_bytes: int
+    outages: tuple[RadioOutage, ...] = ()
 
 
 @dataclass(slots=True)
@@ -68,7 +89,9 @@ class RadioChannel:
         station = self._stations[name]
         station.position, station.z_m = position, z_m
 
-    def deliveries(self, said: Iterable[tuple[str, bytes]]) -> list[tuple[str, bytes]]:
+    def deliveries(
+        self, said: Iterable[tuple[str, bytes]], now_s: float
+    ) -> list[tuple[str, bytes]]:
         """
         Return who hears what of all that was said, in the order in which it was said.
 
@@ -76,6 +99,8 @@ class RadioChannel:
         ----------
         said
             Station that spoke (known from its topic, whatever the message claims) and payload.
+        now_s
+            When it was said.
 
         Returns
         -------
@@ -85,7 +110,7 @@ class RadioChannel:
         """
         heard = []
         for speaker, payload in said:
-            verdict = self._verdict(speaker, payload)
+            verdict = self._verdict(speaker, payload, now_s)
             if isinstance(verdict, BlockReason):
                 self._blocked[verdict] += 1
             else:
@@ -100,7 +125,7 @@ class RadioChannel:
             blocked={reason.value: self._blocked[reason] for reason in BlockReason},
         )
 
-    def _verdict(self, speaker: str, payload: bytes) -> str | BlockReason:
+    def _verdict(self, speaker: str, payload: bytes, now_s: float) -> str | BlockReason:
         """Return the name of the receiver, or why nobody hears the message."""
         too_long = len(payload) > self._model.max_message_bytes
         try:
@@ -127,4 +152,9 @@ class RadioChannel:
             return BlockReason.RANGE
         if not within_range(source.position.distance_m(target.position), self._model.range_m):
             return BlockReason.RANGE
+        if any(
+            outage.station in (speaker, envelope.dst) and outage.holds_at(now_s)
+            for outage in self._model.outages
+        ):
+            return BlockReason.LOSS  # last: it counts what nothing but the outage has cost
         return envelope.dst

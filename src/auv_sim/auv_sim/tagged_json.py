@@ -22,8 +22,22 @@ def decode_tagged(parameter: str, text: str, decoder: msgspec.json.Decoder[T]) -
     try:
         return decoder.decode(text)
     except msgspec.MsgspecError as error:
-        allowed = ' or '.join(_shape(choice) for choice in get_args(decoder.type))
+        allowed = ' or '.join(_shape(choice) for choice in _candidates(text, decoder))
         raise ValueError(f'{parameter} is {text!r}: {error}; allowed is {allowed}') from None
+
+
+def _candidates(text: str, decoder: msgspec.json.Decoder[T]) -> list[type[msgspec.Struct]]:
+    """Return the choice that a text names, or all where it names none."""
+    choices = list(get_args(decoder.type))
+    try:
+        named = msgspec.json.decode(text, type=dict[str, object])
+    except msgspec.MsgspecError:
+        return choices
+    return [
+        choice
+        for choice in choices
+        if choice.__struct_config__.tag == named.get(choice.__struct_config__.tag_field)
+    ] or choices
 
 
 def _shape(choice: type[msgspec.Struct]) -> str:

@@ -68,7 +68,7 @@ class World:
 
     def gate(self, said: Iterable[tuple[str, bytes]]) -> list[tuple[str, bytes]]:
         """Return who hears what of one round; ``said`` is in agent order, then as spoken."""
-        return self._channel.deliveries(said)
+        return self._channel.deliveries(said, self.now_s)
 
     def radio_status(self) -> list[Frame]:
         """Return the radio counters where they have changed since they were last shown."""

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from typing import Annotated
 
-from auv_sim.radio_channel import ChannelModel, StationKind
+import msgspec
+
+from auv_sim.radio_channel import ChannelModel, RadioOutage, StationKind
 from auv_sim.world import World, WorldSpec
 from msgs_json.geometry import Point
 from msgs_json.params import Params, param
@@ -29,6 +31,10 @@ class WorldParams(Params, frozen=True):
     max_message_bytes: Annotated[
         int, param('longer radio messages are blocked', unit='bytes', ge=256, le=2**30)
     ] = 1_048_576
+    radio_outages: Annotated[
+        str,
+        param('dead radios, JSON: a list of {"station": name, "from_s": ..., "until_s": ...}'),
+    ] = '[]'
     tick_s: Annotated[float, param('length of a tick', unit='s', ge=0.001, le=3600)] = 1.0
     max_mission_s: Annotated[
         float, param('hard stop in simulated time', unit='s', ge=1, le=1e7)
@@ -53,7 +59,7 @@ def make_world(params: WorldParams) -> World:
     Raises
     ------
     ValueError
-        Two agents have the same name.
+        Two agents have the same name, or the radio outages are none of this mission.
 
     """
     names = [params.c3, params.uav, *params.auvs]
@@ -62,14 +68,31 @@ def make_world(params: WorldParams) -> World:
     stations = {params.c3: StationKind.C3, params.uav: StationKind.UAV} | dict.fromkeys(
         params.auvs, StationKind.AUV
     )
+    outages = _outages(params.radio_outages, names)
     return World(
         WorldSpec(
             stations=stations,
             c3_position=Point(east_m=params.c3_east_m, north_m=params.c3_north_m),
             channel=ChannelModel(
-                range_m=params.range_m, max_message_bytes=params.max_message_bytes
+                range_m=params.range_m,
+                max_message_bytes=params.max_message_bytes,
+                outages=outages,
             ),
             tick_s=params.tick_s,
             max_mission_s=params.max_mission_s,
         )
     )
+
+
+def _outages(text: str, names: list[str]) -> tuple[RadioOutage, ...]:
+    try:
+        outages = msgspec.json.decode(text, type=tuple[RadioOutage, ...])
+    except msgspec.MsgspecError as error:
+        raise ValueError(f'parameter radio_outages is {text!r}: {error}') from None
+    for outage in outages:
+        if outage.station not in names:
+            raise ValueError(
+                f'parameter radio_outages: station is {outage.station!r};'
+                f' allowed: {", ".join(names)}'
+            )
+    return outages

@@ -6,6 +6,7 @@ import hypothesis.strategies as st
 import numpy as np
 import pytest
 from hypothesis import given
+from msgspec import structs
 
 from auv_sim.auv_agent import AuvAgent, AuvMission
 from auv_sim.drivers.kinematic import KinematicAuv
@@ -74,6 +75,17 @@ class FaintAuv(KinematicAuv):
             self.surfacings += 1
             raise VehicleUnavailableError('no link')
         return super().step(now_s)
+
+
+class SluggishAuv(KinematicAuv):
+    """Needs some seconds to come up."""
+
+    told = 0
+
+    def surface(self) -> None:
+        self.told += 1
+        if self.told > 3:
+            super().surface()
 
 
 class Bench:
@@ -254,6 +266,79 @@ def test_an_auv_that_comes_up_by_itself_reports_early() -> None:
     assert found.cell == (found.moves_done, 0)
     assert found.moves_done < 3
     assert len(found.samples) == found.moves_done + 1
+
+
+def test_it_reports_no_sooner_than_it_is_up() -> None:
+    bench = Bench(vehicle=SluggishAuv)
+    for _ in range(13):
+        output = bench.tick()
+        assert said(output) == []
+        assert not any(isinstance(event, Surfaced) for event in events(output))
+    output = bench.tick()
+    assert events(output) == [Surfaced(leg_id=0, outcome=LegOutcome.COMPLETED, cell=(1, 0))]
+    assert report(output).surfaced_s == 13.0
+
+
+# --- distress ------------------------------------------------------------------------------------
+
+THREE_CELLS = ((0, 0), (1, 0), (2, 0))
+
+
+def test_an_auv_that_needs_help_comes_up_between_two_cells_and_says_so() -> None:
+    bench = Bench(path=THREE_CELLS, surfacing='{"model": "abort", "at_s": 14}')
+    output = bench.tick(15)
+    assert events(output) == [Surfaced(leg_id=0, outcome=LegOutcome.ABORTED, cell=(1, 0))]
+    found = report(output)
+    assert (found.outcome, found.moves_done, found.cell) == (LegOutcome.ABORTED, 1, (1, 0))
+    assert (found.position, found.surfaced_s) == (Point(east_m=19.0, north_m=5.0), 14.0)
+    assert len(found.samples) == 2
+
+
+def test_it_needs_help_even_if_it_has_just_completed_its_path() -> None:
+    bench = Bench(surfacing='{"model": "abort", "at_s": 10}')
+    found = report(bench.tick(11))
+    assert (found.outcome, found.moves_done) == (LegOutcome.ABORTED, 1)
+
+
+def test_a_fault_at_the_surface_changes_the_report_and_nothing_else() -> None:
+    bench = Bench(surfacing='{"model": "abort", "at_s": 14}')
+    before = report(bench.tick(14))
+    assert before.outcome is LegOutcome.COMPLETED
+    output = bench.tick()
+    assert report(output) == structs.replace(before, outcome=LegOutcome.ABORTED)
+    assert events(output) == []
+    assert report(bench.tick()).outcome is LegOutcome.ABORTED
+
+
+def test_an_auv_that_needs_help_takes_no_path_and_stays_up_when_told_so() -> None:
+    bench = Bench(path=THREE_CELLS, surfacing='{"model": "abort", "at_s": 14}')
+    before = report(bench.tick(15))
+    assert refused(bench.assign(1, (1, 0), (2, 0))) is Refusal.NOT_POSSIBLE
+    assert report(bench.tick()) == before
+    order = RecoveryOrder(auv='auv_1', leg_id=0, reason=RecoveryReason.ABORTED)
+    output = bench.hear(order)
+    assert said(output) == [taken(0, Acknowledged.RECOVERY_ORDER)]
+    assert events(output) == [StayedUp(reason=RecoveryReason.ABORTED)]
+    (odometry,) = bench.tick(50)
+    assert isinstance(odometry, Publish)
+    assert isinstance(odometry.message, Odometry)
+    assert odometry.message.z_m == 0.0
+
+
+def test_a_fault_with_the_first_dive_is_reported_too() -> None:
+    output = Bench(surfacing='{"model": "abort", "at_s": 0}').tick()
+    found = report(output)
+    assert (found.outcome, found.moves_done, found.cell) == (LegOutcome.ABORTED, 0, (0, 0))
+
+
+def test_a_lost_auv_is_not_heard_of_again() -> None:
+    bench = Bench(path=THREE_CELLS, surfacing='{"model": "lost", "from_s": 14}')
+    bench.tick(14)
+    for _ in range(100):
+        (odometry,) = bench.tick()
+        assert isinstance(odometry, Publish)
+        assert isinstance(odometry.message, Odometry)
+        assert odometry.message.z_m == -5.0
 
 
 # --- custody -------------------------------------------------------------------------------------

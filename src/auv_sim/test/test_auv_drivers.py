@@ -185,6 +185,129 @@ def test_early_draws_alike_whatever_comes_out() -> None:
     assert second_legs[0] == second_legs[1]
 
 
+def test_slow_takes_the_speed_that_it_drew_for_the_leg() -> None:
+    auv = kinematic_auv(surfacing='{"model": "slow", "least_factor": 0.5}', seed=8)
+    rng = np.random.default_rng(8)
+    for now_s in (0.0, 4.0):
+        factor = rng.uniform(0.5, 1.0)
+        before = auv.step(now_s).position
+        auv.follow(LEG)
+        state = auv.step(now_s + 4.0)
+        assert before.distance_m(state.position) == pytest.approx(4.0 * factor)
+        assert state.speed_mps == pytest.approx(factor)
+
+
+CURRENT = '{"model": "slow", "current_north_mps": %g}'
+
+
+def test_in_a_current_it_holds_its_track_and_gets_on_as_fast_as_it_can() -> None:
+    auv = kinematic_auv(surfacing=CURRENT % 3.0, speed_mps=5.0)
+    auv.step(0.0)
+    auv.follow(LEG)  # twice east across the current at 4 m/s, then south against it at 2 m/s
+    states = [auv.step(0.5 * number) for number in range(1, 22)]
+    assert [state.waypoints_reached for state in states] == [0] * 4 + [1] * 5 + [2] * 10 + [3] * 2
+    assert {state.position.north_m for state in states[:10]} == {START.north_m}
+    assert states[6].position == Point(east_m=49.0, north_m=75.0)
+    assert states[13].position == Point(east_m=55.0, north_m=71.0)
+    assert [states[number].speed_mps for number in (0, 8, 9, 18, 19)] == [4.0, 4.0, 2.0, 2.0, 0.0]
+    assert [states[number].heading_rad for number in (0, 12)] == [0.0, -math.pi / 2]
+
+
+def test_before_the_current_it_is_there_before_its_time() -> None:
+    auv = kinematic_auv(surfacing=CURRENT % -1.0, speed_mps=1.0)
+    auv.step(0.0)
+    auv.follow([Point(east_m=START.east_m, north_m=START.north_m - 10.0)])
+    assert [auv.step(now_s).waypoints_reached for now_s in (4.9, 5.0)] == [0, 1]
+
+
+@pytest.mark.parametrize('current_mps', [5.1, -50.0])
+def test_too_strong_a_current_stops_it_but_never_carries_it_back(current_mps: float) -> None:
+    auv = kinematic_auv(surfacing=CURRENT % current_mps, speed_mps=5.0)
+    auv.step(0.0)
+    auv.follow(LEG)
+    state = auv.step(1000.0)
+    assert (state.position, state.waypoints_reached, state.speed_mps) == (START, 0, 0.0)
+    auv.surface()
+    state = auv.step(1001.0)
+    assert (state.position, state.surfaced) == (START, True)
+
+
+def test_a_current_that_stops_it_on_the_way_stops_it_at_that_corner() -> None:
+    auv = kinematic_auv(surfacing=CURRENT % -5.1, speed_mps=5.0)
+    auv.step(0.0)
+    auv.follow([Point(east_m=START.east_m, north_m=START.north_m - 10.1), *LEG])
+    states = [auv.step(now_s) for now_s in (0.9, 1.0, 1000.0)]
+    assert [state.waypoints_reached for state in states] == [0, 1, 1]
+    assert states[1].position == states[2].position
+
+
+def test_abort_asks_for_help_from_its_time_on() -> None:
+    auv = kinematic_auv(surfacing='{"model": "abort", "at_s": 12}')
+    auv.step(500.0)  # times count from here
+    auv.follow(LEG)
+    states = [auv.step(500.0 + seconds) for seconds in (0.0, 11.9, 12.0, 12.1, 300.0)]
+    assert [state.needs_help for state in states] == [False, False, True, True, True]
+    assert not states[2].surfaced  # its agent brings it up, here and now
+    assert states[2].position == Point(east_m=47.0, north_m=75.0)
+
+
+def test_abort_may_come_while_it_lies_at_the_surface() -> None:
+    auv = kinematic_auv(surfacing='{"model": "abort", "at_s": 12}')
+    auv.step(0.0)
+    auv.follow(LEG)
+    auv.step(4.0)
+    auv.surface()
+    states = [auv.step(now_s) for now_s in (4.0, 11.0, 12.0)]
+    assert [(state.surfaced, state.needs_help) for state in states] == [
+        *((True, False), (True, False), (True, True))
+    ]
+
+
+def test_lost_it_lies_where_it_was_and_never_comes_up() -> None:
+    auv = kinematic_auv(surfacing='{"model": "lost", "from_s": 12.5}')
+    auv.step(500.0)
+    auv.follow(LEG)
+    place = Point(east_m=47.5, north_m=75.0)
+    for now_s in (513.0, 515.0, 9e9):
+        auv.step(now_s)
+        auv.surface()
+        state = auv.step(now_s)
+        assert (state.position, state.z_m, state.surfaced) == (place, -5.0, False)
+        assert (state.speed_mps, state.waypoints_reached) == (0.0, 1)
+    auv.follow(LEG)
+    auv.surface()
+    state = auv.step(9e9 + 1.0)
+    assert (state.position, state.surfaced) == (place, False)
+
+
+def test_lost_at_the_surface_it_is_lost_with_its_next_dive() -> None:
+    auv = kinematic_auv(surfacing='{"model": "lost", "from_s": 12}')
+    auv.step(0.0)
+    auv.follow(LEG)
+    auv.step(4.0)
+    auv.surface()
+    assert all(auv.step(now_s).surfaced for now_s in (4.0, 11.0, 12.0, 13.0))
+    auv.surface()
+    assert auv.step(14.0).surfaced
+    auv.follow(LEG)
+    for now_s in (14.0, 15.0, 100.0):
+        auv.surface()
+        state = auv.step(now_s)
+        assert (state.surfaced, state.z_m) == (False, -5.0)
+        assert state.position == Point(east_m=39.0, north_m=75.0)
+
+
+def test_silent_swims_as_if_nothing_were_wrong() -> None:
+    silent = kinematic_auv(surfacing='{"model": "silent", "from_s": 0, "sorties": 9}')
+    on_time = kinematic_auv()
+    for auv in (silent, on_time):
+        auv.step(0.0)
+        auv.follow(LEG)
+    assert [silent.step(float(tick)) for tick in range(40)] == [
+        on_time.step(float(tick)) for tick in range(40)
+    ]
+
+
 def test_refused_leg_draws_nothing() -> None:
     settings = setup(surfacing='{"model": "early", "probability": 0.5}')
     auv = kinematic.make_driver(settings, NoPorts())
@@ -303,6 +426,19 @@ def test_topics_counts_no_waypoint_that_it_drifts_to_at_the_surface() -> None:
     state = dive.driver.step(dive.now_s + 5.0)
     assert state.position.distance_m(LEG[0]) < CAPTURE_RADIUS_M
     assert (state.waypoints_reached, dive.setpoint()) == (0, setpoint)
+
+
+def test_topics_told_again_to_surface_holds_the_place_where_it_was_told_first() -> None:
+    dive = Dive()
+    dive.driver.follow(LEG)
+    dive.ticks(7)
+    dive.driver.surface()
+    setpoint = dive.setpoint()
+    dive.vehicle.publish(SETPOINT, dive.vehicle.setpoints[0])  # the current takes it on
+    dive.vehicle.step(dive.now_s + 1.0)
+    dive.driver.step(dive.now_s + 1.0)
+    dive.driver.surface()
+    assert dive.setpoint() == setpoint
 
 
 def test_topics_counts_all_waypoints_it_is_close_to() -> None:

@@ -3,7 +3,7 @@ from __future__ import annotations
 import pytest
 
 from auv_sim.kernel import run_mission
-from auv_sim.radio_channel import ChannelModel, StationKind
+from auv_sim.radio_channel import ChannelModel, RadioOutage, StationKind
 from auv_sim.world import HARD_STOP, WORLD, World, WorldSpec
 from msgs_json import codec
 from msgs_json.agent import Output, Publish, Transmit
@@ -66,14 +66,16 @@ class Speaker:
         return [Transmit(src, word(number + 1))] if number < self._answers_up_to else []
 
 
-def world(*, max_mission_s: float = 2.0, tick_s: float = 1.0) -> World:
+def world(
+    *, max_mission_s: float = 2.0, tick_s: float = 1.0, outages: tuple[RadioOutage, ...] = ()
+) -> World:
     kinds = {'c3': StationKind.C3, 'uav': StationKind.UAV}
     kinds |= {'auv_1': StationKind.AUV, 'auv_2': StationKind.AUV}
     return World(
         WorldSpec(
             stations=kinds,
             c3_position=ORIGIN,
-            channel=ChannelModel(range_m=20.0, max_message_bytes=4096),
+            channel=ChannelModel(range_m=20.0, max_message_bytes=4096, outages=outages),
             tick_s=tick_s,
             max_mission_s=max_mission_s,
         )
@@ -163,6 +165,25 @@ def test_true_positions_are_those_of_the_tick() -> None:
     far_away.tick = approach  # type: ignore[method-assign]
     fly(world(max_mission_s=1.0), *agents)
     assert [line for line in diary if 'hears' in line] == ['1 uav hears 3 from auv_1']
+
+
+def test_a_silent_station_is_not_heard_until_its_radio_works_again() -> None:
+    diary: list[str] = []
+    outage = RadioOutage(station='auv_1', from_s=2.0, until_s=4.0)
+    ticks = [float(number) for number in range(6)]
+    said = {
+        'auv_1': {tick: [('uav', 9)] for tick in ticks},
+        'auv_2': {tick: [('uav', 8)] for tick in ticks},
+        'uav': {tick: [('auv_1', 7)] for tick in ticks},
+    }
+    frames = fly(world(max_mission_s=5.0, outages=(outage,)), *fleet(diary, **said))
+    heard = [line for line in diary if 'hears' in line]
+    assert [line[0] for line in heard if 'from auv_1' in line] == ['0', '1', '4', '5']
+    assert [line[0] for line in heard if 'auv_1 hears' in line] == ['0', '1', '4', '5']
+    assert [line[0] for line in heard if 'from auv_2' in line] == list('012345')
+    status = json_of(frames[-1][1])
+    assert isinstance(status, RadioStatus)
+    assert (status.delivered, status.blocked['loss']) == (14, 4)
 
 
 def test_everything_is_shown_in_the_namespace_of_its_agent() -> None:

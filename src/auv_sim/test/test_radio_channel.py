@@ -7,7 +7,7 @@ import hypothesis.strategies as st
 import pytest
 from hypothesis import given
 
-from auv_sim.radio_channel import ChannelModel, RadioChannel, StationKind
+from auv_sim.radio_channel import ChannelModel, RadioChannel, RadioOutage, StationKind
 from msgs_json import codec
 from msgs_json.geometry import Point
 from msgs_json.messages import Acknowledged, Acknowledgement, BlockReason
@@ -25,8 +25,8 @@ NOTHING_BLOCKED = dict.fromkeys([reason.value for reason in BlockReason], 0)
 class Bench:
     """A channel with all stations at the surface of the same place."""
 
-    def __init__(self, range_m: float = 20.0) -> None:
-        model = ChannelModel(range_m=range_m, max_message_bytes=512)
+    def __init__(self, range_m: float = 20.0, outages: tuple[RadioOutage, ...] = ()) -> None:
+        model = ChannelModel(range_m=range_m, max_message_bytes=512, outages=outages)
         self.channel = RadioChannel(model, STATIONS)
         self.seq: Counter[str] = Counter()
         for name in STATIONS:
@@ -39,10 +39,10 @@ class Bench:
         self.seq[src] += 1
         return codec.encode(body, src=src, dst=dst, seq=seq, stamp_s=0.0)
 
-    def say(self, speaker: str, payload: bytes) -> BlockReason | None:
+    def say(self, speaker: str, payload: bytes, now_s: float = 0.0) -> BlockReason | None:
         """Return why a message is blocked, None if it is delivered; check the counters."""
         before = self.channel.status()
-        heard = self.channel.deliveries([(speaker, payload)])
+        heard = self.channel.deliveries([(speaker, payload)], now_s)
         after = self.channel.status()
         blocked = [
             BlockReason(reason)
@@ -57,7 +57,7 @@ class Bench:
 def test_the_receiver_gets_the_very_bytes() -> None:
     bench = Bench()
     payload = bench.payload('auv_1', 'uav')
-    assert bench.channel.deliveries([('auv_1', payload)]) == [('uav', payload)]
+    assert bench.channel.deliveries([('auv_1', payload)], 0.0) == [('uav', payload)]
     assert bench.channel.status().delivered == 1
     assert bench.channel.status().blocked == NOTHING_BLOCKED
 
@@ -181,7 +181,7 @@ def test_order_is_kept_and_every_message_counted_once() -> None:
         ('uav', b'?'),
         ('uav', bench.payload('uav', 'c3')),
     ]
-    assert bench.channel.deliveries(said) == [
+    assert bench.channel.deliveries(said, 0.0) == [
         ('uav', said[0][1]),
         ('auv_1', said[2][1]),
         ('c3', said[4][1]),
@@ -189,3 +189,57 @@ def test_order_is_kept_and_every_message_counted_once() -> None:
     status = bench.channel.status()
     assert status.delivered == 3
     assert status.blocked == NOTHING_BLOCKED | {'submerged': 1, 'malformed': 1}
+
+
+# --- outages -------------------------------------------------------------------------------------
+
+OUTAGE = RadioOutage(station='auv_1', from_s=100.0, until_s=220.0)
+
+
+@pytest.mark.parametrize(
+    ('now_s', 'expected'),
+    [
+        (99.9, None),
+        (100.0 - 1e-9, BlockReason.LOSS),  # a tick that is meant to be at 100 s
+        (219.9, BlockReason.LOSS),
+        (220.0 - 1e-9, None),
+        (1e6, None),
+    ],
+)
+def test_a_dead_radio_neither_sends_nor_hears(now_s: float, expected: BlockReason | None) -> None:
+    bench = Bench(outages=(OUTAGE,))
+    assert bench.say('auv_1', bench.payload('auv_1', 'uav'), now_s) is expected
+    assert bench.say('uav', bench.payload('uav', 'auv_1'), now_s) is expected
+    for src, dst in (('auv_2', 'uav'), ('uav', 'auv_2'), ('uav', 'c3'), ('c3', 'uav')):
+        assert bench.say(src, bench.payload(src, dst), now_s) is None
+
+
+def test_a_station_may_have_many_outages_and_any_station_may() -> None:
+    again = RadioOutage(station='auv_1', from_s=300.0, until_s=301.0)
+    uav = RadioOutage(station='uav', from_s=10.0, until_s=11.0)
+    bench = Bench(outages=(OUTAGE, again, uav))
+    heard = [bench.say('auv_1', bench.payload('auv_1', 'uav'), t) for t in (5.0, 10.0, 150.0)]
+    heard += [bench.say('auv_1', bench.payload('auv_1', 'uav'), t) for t in (250.0, 300.0)]
+    assert heard == [None, BlockReason.LOSS, BlockReason.LOSS, None, BlockReason.LOSS]
+    assert bench.say('c3', bench.payload('c3', 'uav'), 10.0) is BlockReason.LOSS
+
+
+def test_lost_is_what_would_have_been_heard_without_the_outage() -> None:
+    bench = Bench(outages=(OUTAGE,))
+    bench.channel.locate('auv_1', HERE, -5.0)
+    assert bench.say('auv_1', bench.payload('auv_1', 'uav'), 150.0) is BlockReason.SUBMERGED
+    bench.channel.locate('auv_1', Point(east_m=0.0, north_m=0.0), 0.0)
+    assert bench.say('auv_1', bench.payload('auv_1', 'uav'), 150.0) is BlockReason.RANGE
+
+
+def test_what_was_lost_cannot_be_replayed_after_the_outage() -> None:
+    bench = Bench(outages=(OUTAGE,))
+    payload = bench.payload('auv_1', 'uav')
+    assert bench.say('auv_1', payload, 150.0) is BlockReason.LOSS
+    assert bench.say('auv_1', payload, 250.0) is BlockReason.REPLAY
+    assert bench.say('auv_1', bench.payload('auv_1', 'uav'), 250.0) is None
+
+
+def test_an_outage_does_not_end_before_it_begins() -> None:
+    with pytest.raises(ValueError, match='until_s is 3; allowed: at least 4'):
+        RadioOutage(station='auv_1', from_s=4.0, until_s=3.0)

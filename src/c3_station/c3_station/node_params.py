@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import msgspec
 
 from auv_sim.auv_params import AuvParams
+from auv_sim.radio_channel import RadioOutage
+from auv_sim.surfacing import Silent, surfacing_model
 from auv_sim.world_params import WorldParams
 from c3_station.c3_params import C3Params
 from c3_station.scenario import Scenario
@@ -38,10 +41,11 @@ def mission_params(scenario: Scenario) -> MissionParams:
             c3_north_m=scenario.c3.north_m,
             range_m=scenario.radio.range_m,
             max_message_bytes=scenario.radio.max_message_bytes,
+            radio_outages=_json(tuple(_radio_outages(scenario))),
             tick_s=scenario.tick_s,
             max_mission_s=scenario.max_mission_s,
         ),
-        c3=C3Params(name=C3, uav=UAV, scenario=msgspec.json.encode(scenario).decode()),
+        c3=C3Params(name=C3, uav=UAV, scenario=_json(scenario)),
         uav=UavParams(
             name=UAV,
             c3=C3,
@@ -51,8 +55,10 @@ def mission_params(scenario: Scenario) -> MissionParams:
             altitude_m=scenario.uav.altitude_m,
             arrival_radius_m=scenario.uav.arrival_radius_m,
             tick_s=scenario.tick_s,
+            wind_east_mps=scenario.uav.wind_east_mps,
+            wind_north_mps=scenario.uav.wind_north_mps,
             planner=scenario.planner.name,
-            planner_options=msgspec.json.encode(scenario.planner.options).decode(),
+            planner_options=_json(scenario.planner.options),
             driver=scenario.uav.driver,
         ),
         auvs=tuple(
@@ -69,9 +75,22 @@ def mission_params(scenario: Scenario) -> MissionParams:
                 tick_s=scenario.tick_s,
                 seed=scenario.seed,
                 driver=auv.driver,
-                surfacing=msgspec.json.encode(auv.surfacing).decode(),
-                field=msgspec.json.encode(scenario.field).decode(),
+                surfacing=_json(auv.surfacing),
+                field=_json(scenario.field),
             )
             for auv in scenario.auvs
         ),
     )
+
+
+def _radio_outages(scenario: Scenario) -> Iterator[RadioOutage]:
+    """Yield the times in which AUVs are silent: their radio is the world's affair, not theirs."""
+    for auv in scenario.auvs:
+        model = surfacing_model(_json(auv.surfacing))
+        if isinstance(model, Silent):
+            until_s = model.from_s + model.sorties * scenario.sortie.limit_s
+            yield RadioOutage(station=auv.name, from_s=model.from_s, until_s=until_s)
+
+
+def _json(value: object) -> str:
+    return msgspec.json.encode(value).decode()

@@ -32,6 +32,7 @@ from msgs_json.messages import (
     SortieOutlook,
     SortieReport,
 )
+from msgs_json.straight_motion import Flow
 from uav_planner.planners import PLANNERS, make_planner
 from uav_planner.uav_params import DRIVERS as UAV_DRIVERS
 
@@ -51,6 +52,7 @@ def _inconsistencies(scenario: Scenario) -> Iterator[Problem]:
     yield from _geometry(scenario)
     yield from _fleet(scenario)
     yield from _radio(scenario)
+    yield from _wind(scenario)
     planner = scenario.planner
     if planner.min_path_cells > planner.path_cells:
         yield Problem(
@@ -100,6 +102,17 @@ def _fleet(scenario: Scenario) -> Iterator[Problem]:
         if problem:
             cells = ', '.join(str(list(cell)) for cell in auv.initial_path)
             yield Problem((*path, 'initial_path'), f'is {cells}: {problem}')
+
+
+def _wind(scenario: Scenario) -> Iterator[Problem]:
+    uav = scenario.uav
+    wind = Flow(east_mps=uav.wind_east_mps, north_mps=uav.wind_north_mps)
+    if wind.speed_mps >= uav.speed_mps:
+        yield Problem(
+            ('uav', 'wind_east_mps'),
+            f'and wind_north_mps make a wind of {wind.speed_mps:g} m/s; allowed: less than'
+            f' speed_mps, {uav.speed_mps:g} (a UAV cannot come home against more)',
+        )
 
 
 def _limits(name: str, limits: Limits) -> Iterator[Problem]:

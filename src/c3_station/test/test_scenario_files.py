@@ -87,6 +87,7 @@ def test_commented_defaults_of_the_template_are_the_defaults() -> None:
     # Every line `# key: value` of the template may be uncommented without changing the mission.
     text = shipped_scenarios()['minimal'].read_text()
     keys = ('altitude_m', 'driver', 'speed_mps', 'depth_m', 'surfacing', 'max_message_bytes')
+    keys += ('wind_east_mps', 'wind_north_mps', 'handover_s', 'lost_after_sorties')
     keys += ('surface_margin_s', 'min_path_cells', 'options', 'tick_s', 'seed', 'field')
     keys += ('on_death', 'samples_lost')
     uncommented, found = [], set()

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import pytest
 
@@ -14,7 +15,9 @@ from msgs_json.drivers import (
 )
 from msgs_json.geometry import Point
 from msgs_json.simulated_autopilot import SimulatedAutopilot
+from msgs_json.straight_motion import Flow
 from uav_planner.drivers import kinematic, topics
+from uav_planner.uav_params import UavParams, make_uav
 
 HOME = Point(east_m=50.0, north_m=0.0)
 NORTH = Point(east_m=50.0, north_m=40.0)
@@ -48,6 +51,34 @@ def test_kinematic_faces_where_it_flies() -> None:
     assert (state.heading_rad, state.speed_mps, state.z_m) == (math.pi / 2, 4.0, 30.0)
     state = driver.step(10.0)
     assert (state.heading_rad, state.speed_mps) == (math.pi / 2, 0.0)
+
+
+def test_kinematic_holds_its_track_in_the_wind() -> None:
+    driver = kinematic.make_driver(replace(SETUP, wind=Flow(east_mps=2.4)), NoPorts())
+    driver.step(0.0)
+    driver.go_to(NORTH)
+    state = driver.step(1.0)
+    assert state.position.east_m == HOME.east_m
+    assert (state.position.north_m, state.speed_mps) == pytest.approx((3.2, 3.2))
+    assert [driver.step(now_s).position == NORTH for now_s in (12.4, 12.5)] == [False, True]
+    driver.go_to(Point(east_m=66.0, north_m=40.0))
+    assert driver.step(15.0).position == Point(
+        east_m=66.0, north_m=40.0
+    )  # 6.4 m/s before the wind
+
+
+def test_wind_comes_from_the_parameters() -> None:
+    params = UavParams(name='uav', driver='kinematic', wind_east_mps=2.0, wind_north_mps=-3.0)
+    seen: list[UavDriverSetup] = []
+
+    def factory(setup: UavDriverSetup, ports: NoPorts) -> kinematic.KinematicUav:
+        seen.append(setup)
+        return kinematic.make_driver(setup, ports)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr('uav_planner.uav_params.find_driver', lambda group, name: factory)
+        make_uav(params, NoPorts())
+    assert [setup.wind for setup in seen] == [Flow(east_mps=2.0, north_mps=-3.0)]
 
 
 @pytest.fixture

@@ -10,6 +10,7 @@ from msgs_json.agent_shell import AgentShell
 from msgs_json.drivers import DriverPorts, UavDriverSetup, find_driver
 from msgs_json.geometry import Point
 from msgs_json.params import Params, param
+from msgs_json.straight_motion import Flow
 from uav_planner.planners import make_planner
 from uav_planner.planning import Planner
 from uav_planner.uav_agent import UavAgent, UavSetup
@@ -34,6 +35,12 @@ class UavParams(Params, frozen=True):
     arrival_radius_m: Annotated[
         float,
         param('closer than this to a waypoint counts as there', unit='m', ge=0, le=1000),
+    ] = 0.0
+    wind_east_mps: Annotated[
+        float, param('steady wind over the simulated UAV', unit='m/s', ge=-100, le=100)
+    ] = 0.0
+    wind_north_mps: Annotated[
+        float, param('steady wind over the simulated UAV', unit='m/s', ge=-100, le=100)
     ] = 0.0
     planner: Annotated[str, param('chooses the paths of the AUVs')] = 'ecc2009'
     planner_options: Annotated[str, param('settings of that planner, JSON object')] = '{}'
@@ -61,6 +68,7 @@ def make_uav(params: UavParams, ports: DriverPorts, planner: Planner | None = No
         home=Point(east_m=params.home_east_m, north_m=params.home_north_m),
         speed_mps=params.speed_mps,
         altitude_m=params.altitude_m,
+        wind=Flow(east_mps=params.wind_east_mps, north_mps=params.wind_north_mps),
     )
     agent = UavAgent(
         params.name,

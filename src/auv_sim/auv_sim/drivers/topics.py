@@ -77,7 +77,8 @@ class TopicsAuv:
 
     def surface(self) -> None:
         """Send the autopilot up to the surface where the vehicle is."""
-        self._hold_at_surface()
+        if not self._coming_up:
+            self._hold_at_surface()
         self._send()
 
     def step(self, now_s: float) -> AuvState:

@@ -1,4 +1,4 @@
-"""The simulated UAV: a point that flies straight at a constant speed and height."""
+"""The simulated UAV: a point that flies straight at a constant air speed and height."""
 
 from __future__ import annotations
 
@@ -19,12 +19,15 @@ def make_driver(setup: UavDriverSetup, ports: DriverPorts) -> KinematicUav:
 
 
 class KinematicUav:
-    """A constant-speed point, at its height from the beginning."""
+    """
+    A point of constant air speed, at its height from the beginning.
+
+    It holds its straight track in the setup's wind; heading and speed are those over ground.
+    """
 
     def __init__(self, setup: UavDriverSetup) -> None:
-        self._speed_mps = setup.speed_mps
         self._altitude_m = setup.altitude_m
-        self._motion = StraightMotion(setup.home, setup.speed_mps)
+        self._motion = StraightMotion(setup.home, setup.speed_mps, setup.wind)
         self._heading_rad = 0.0
 
     def go_to(self, target: Point) -> None:
@@ -46,5 +49,5 @@ class KinematicUav:
             position=position,
             z_m=self._altitude_m,
             heading_rad=self._heading_rad,
-            speed_mps=0.0 if arrived else self._speed_mps,
+            speed_mps=0.0 if arrived else self._motion.ground_speed_mps,
         )
