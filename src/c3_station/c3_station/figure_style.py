@@ -7,6 +7,7 @@ of Okabe and Ito, told apart with any colour vision, and never the only differen
 
 from __future__ import annotations
 
+from io import BytesIO
 from typing import TYPE_CHECKING, Any
 
 from matplotlib.figure import Figure
@@ -45,6 +46,13 @@ def new_figure(height_in: float) -> tuple[Figure, Axes]:
     """Return a figure of a height with one pair of axes."""
     figure = Figure(figsize=(WIDTH_IN, height_in), layout='constrained')
     return figure, figure.subplots()
+
+
+def png_of(figure: Figure) -> bytes:
+    """Return a figure as a PNG file."""
+    file = BytesIO()
+    figure.savefig(file, format='png', dpi=DPI)
+    return file.getvalue()
 
 
 def auv_colour(number: int) -> str:

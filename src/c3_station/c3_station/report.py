@@ -7,15 +7,14 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import jinja2
 import msgspec
 
 from c3_station.bag import find_bag
-from c3_station.figure_style import auv_label
 from c3_station.figures import draw_figures
 from c3_station.mission_record import read_mission
 from c3_station.paper import comparisons, is_reference_mission
 from c3_station.program import command_line
+from c3_station.report_page import page_template
 from c3_station.scenario_files import load_scenario, scenario_json, shipped_scenarios
 from c3_station.summary import check_conditions
 
@@ -56,7 +55,7 @@ def render_report(
 ) -> str:
     """Return the page; everything it shows is in it."""
     scenario, summary = record.scenario, record.summary
-    return _template().render(
+    return page_template('report.html.j2').render(
         scenario=scenario,
         summary=summary,
         facts=record.facts,
@@ -110,40 +109,3 @@ def _fly_again(record: MissionRecord) -> str | None:
     if scenario != msgspec.structs.replace(shipped, planner=chosen, seed=scenario.seed):
         return None
     return command_line('run', scenario.name, '--planner', planner, '--seed', str(scenario.seed))
-
-
-def _template() -> jinja2.Template:
-    environment = jinja2.Environment(
-        loader=jinja2.FileSystemLoader(Path(__file__).parent / 'templates'),
-        autoescape=True,
-        undefined=jinja2.StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
-    environment.filters |= {
-        'number': _number,
-        'signed': _signed,
-        'percent': _percent,
-        'auv_label': auv_label,
-    }
-    return environment.get_template('report.html.j2')
-
-
-def _number(value: float | None, unit: str = '') -> str:
-    """Return a number as a person reads it, with its unit; a dash where there is none."""
-    if value is None:
-        return '\N{EN DASH}'
-    text = f'{value:,.2f}'.rstrip('0').rstrip('.') if value % 1 else f'{value:,.0f}'
-    return f'{text}\N{NO-BREAK SPACE}{unit}' if unit else text
-
-
-def _signed(value: float | None, unit: str = '') -> str:
-    """Return a difference, with its sign."""
-    if value is None or round(value, 2) == 0:
-        return _number(None if value is None else 0.0, unit)
-    sign = '+' if value > 0 else '\N{MINUS SIGN}'
-    return sign + _number(round(abs(value), 2), unit)
-
-
-def _percent(share: float | None) -> str:
-    return _number(None if share is None else round(100.0 * share, 1), '%')
