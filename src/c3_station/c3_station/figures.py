@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from io import BytesIO
 from typing import TYPE_CHECKING
 
 import matplotlib as mpl
 
-from c3_station.figure_style import DPI, STYLE
+from c3_station.figure_style import STYLE, png_of
 from c3_station.map_figures import draw_first_sortie, draw_routes, draw_survey
-from c3_station.time_figures import draw_coverage, draw_neglect, draw_sorties
+from c3_station.time_figures import draw_contacts, draw_coverage, draw_neglect, draw_sorties
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -40,10 +39,8 @@ def draw_figures(record: MissionRecord) -> tuple[DrawnFigure, ...]:
         for name, title, caption, draw in FIGURES:
             figure = draw(record, record.scenario)
             if figure is not None:
-                file = BytesIO()
-                figure.savefig(file, format='png', dpi=DPI)
                 drawn.append(
-                    DrawnFigure(name=name, title=title, caption=caption, png=file.getvalue())
+                    DrawnFigure(name=name, title=title, caption=caption, png=png_of(figure))
                 )
     return tuple(drawn)
 
@@ -70,10 +67,19 @@ FIGURES: tuple[tuple[str, str, str, Callable[[MissionRecord, Scenario], Figure |
         draw_coverage,
     ),
     (
+        'contacts',
+        'Contact with the AUVs',
+        'What C3 makes of an AUV that is not heard, knowing what the UAV told it when it was last'
+        ' home. Silent, as expected: under water until its surface deadline. Due: it must be up'
+        ' by now. Overdue: it was searched in vain. Lost: it was given up.',
+        draw_contacts,
+    ),
+    (
         'neglect',
-        'Neglect time',
+        'Neglect, and waits at C3',
         'An AUV that has surfaced waits for the UAV and does not survey; counted until the region'
-        ' is explored.',
+        ' is explored. A UAV that waits at C3 keeps its limit the easier, at the price of neglect'
+        ' and of old data.',
         draw_neglect,
     ),
     (

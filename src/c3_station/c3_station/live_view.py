@@ -10,12 +10,18 @@ from rich.table import Table
 from rich.text import Text
 
 from c3_station.mission_monitor import AuvView, MissionMonitor, SortieView
+from msgs_json.messages import AuvStatus, ContactState
 
 # Okabe-Ito: told apart with any colour vision. The last one is the UAV's.
 _AUV_COLOURS = ('#56B4E9', '#E69F00', '#009E73', '#CC79A7', '#F0E442', '#D55E00')
 _UAV_COLOUR = 'bold #FFFFFF'
 _LOG_LINES = 8
 _MAP_COLS_MAX = 40
+_STATE_WIDTH = 80
+"""Columns that the state of the mission needs, beside the map or alone."""
+_COLUMNS = ('AUV', 'state', 'contact', 'next', 'neglect', 'last met', 'leg')
+_COLUMNS_THAT_MATTER = 5
+_TIMES = ('next', 'neglect', 'last met')
 
 
 class LiveView:
@@ -29,10 +35,11 @@ class LiveView:
     def __rich_console__(self, console: Console, options: ConsoleOptions) -> RenderResult:
         """Lay out map and state side by side, the log below."""
         mission = self._mission
-        state = Group(self._clock(), self._uav(), Text(), self._coverage(), Text(), self._auvs())
+        auvs = self._auvs(everything=options.max_width >= _STATE_WIDTH)
+        state = Group(self._clock(), self._uav(), Text(), self._coverage(), Text(), auvs)
         show_map = (
             mission.scenario.region.cols <= _MAP_COLS_MAX
-            and options.max_width >= 2 * mission.scenario.region.cols + 60
+            and options.max_width >= 2 * mission.scenario.region.cols + _STATE_WIDTH
         )
         body = Table.grid(padding=(0, 2), expand=True)
         if show_map:
@@ -110,19 +117,24 @@ class LiveView:
         )
         return table
 
-    def _auvs(self) -> Table:
+    def _auvs(self, *, everything: bool) -> Table:
+        """Return a row for each AUV; in a narrow terminal what matters least is left out."""
         mission = self._mission
         table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0), header_style='dim')
-        for column in ('AUV', 'state', 'leg', 'last met', 'neglect'):
-            table.add_column(column, justify='right' if column == 'neglect' else 'left')
+        columns = _COLUMNS if everything else _COLUMNS[:_COLUMNS_THAT_MATTER]
+        for column in columns:
+            table.add_column(column, justify='right' if column in _TIMES else 'left')
         for number, (name, auv) in enumerate(mission.auvs.items()):
-            table.add_row(
+            cells: tuple[Text | str, ...] = (
                 Text(f'{number + 1} {name}', _colour(number)),
                 _state(auv, mission.now_s),
+                _contact(auv.status),
+                _time(auv.status.next_contact_s if auv.status else None),
+                _time(mission.auv_neglect_s(auv)),
+                _time(auv.last_met_s),
                 f'{auv.cells_entered}/{max(0, len(auv.path) - 1)} cells',
-                '-' if auv.last_met_s is None else f'{auv.last_met_s:.0f} s',
-                f'{mission.auv_neglect_s(auv):.0f} s',
             )
+            table.add_row(*cells[: len(columns)])
         return table
 
     def _map(self) -> Align:
@@ -164,8 +176,30 @@ def _colour(number: int) -> str:
 
 
 def _state(auv: AuvView, now_s: float) -> Text:
+    if auv.surfaced_s is not None:
+        doing = 'asks for help' if auv.asked_for_help else 'waiting'
+        return Text(f'{doing} {auv.waiting_s(now_s):.0f} s', 'bold #E69F00')
+    if auv.recovered and auv.asked_for_help:
+        return Text('up, needs help', '#E69F00')
     if auv.recovered:
         return Text('recovered', '#009E73')
-    if auv.surfaced_s is not None:
-        return Text(f'waiting {auv.waiting_s(now_s):.0f} s', 'bold #E69F00')
     return Text('under water', 'dim')
+
+
+def _contact(status: AuvStatus | None) -> Text:
+    """Return what C3 makes of an AUV's silence."""
+    if status is None or status.contact is None:
+        return Text('-', 'dim')
+    match status.contact:
+        case ContactState.EXPECTED_SILENT:
+            return Text('expected silent', 'dim')
+        case ContactState.DUE:
+            return Text('due', '#E69F00')
+        case ContactState.OVERDUE:
+            return Text(f'overdue, {status.searches_in_vain} in vain', 'bold #D55E00')
+        case ContactState.LOST:
+            return Text('LOST', 'bold white on #D55E00')
+
+
+def _time(time_s: float | None) -> str:
+    return '-' if time_s is None else f'{time_s:.0f} s'

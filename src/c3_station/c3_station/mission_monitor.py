@@ -5,28 +5,35 @@ from __future__ import annotations
 from collections import deque
 from dataclasses import dataclass, field
 
+from c3_station.node_params import C3
 from c3_station.scenario import Scenario
 from c3_station.summary import Summarizer
 from msgs_json import codec
 from msgs_json.codec import MessageError
 from msgs_json.geometry import Cell, Point
 from msgs_json.messages import (
+    AuvStatus,
     CellEntered,
     Dived,
     Event,
+    GivenUp,
+    HeardAgain,
+    LegOutcome,
     MessageRefused,
     Met,
     Missed,
     MissionCompleted,
     MissionStopped,
+    RecoveryReason,
     SamplesDelivered,
+    SearchBrokenOff,
     SortieDeparted,
     SortieReturned,
     StayedUp,
     Surfaced,
 )
 from msgs_json.ros_messages import ClockTime, Odometry, RosMessage, Text
-from msgs_json.topics import CLOCK, MISSION_EVENTS
+from msgs_json.topics import CLOCK, MISSION_EVENTS, MISSION_STATUS
 
 _LOG_LINES = 200
 
@@ -45,6 +52,9 @@ class AuvView:
     """Waits that are over."""
     last_met_s: float | None = None
     recovered: bool = False
+    asked_for_help: bool = False
+    status: AuvStatus | None = None
+    """What C3 showed of it last."""
 
     def waiting_s(self, now_s: float) -> float:
         """Return how long it has been waiting, 0 if it does not."""
@@ -60,11 +70,12 @@ class SortieView:
     worst_case_s: float
     limit_s: float
     order: tuple[str, ...]
-    met: list[str] = field(default_factory=list)
+    done_with: set[str] = field(default_factory=set)
+    """AUVs met, or searched in vain, or not to be reached any more."""
 
     def target(self) -> str | None:
         """Return the AUV the UAV is after; None on the way home."""
-        return next((name for name in self.order if name not in self.met), None)
+        return next((name for name in self.order if name not in self.done_with), None)
 
 
 class MissionMonitor:
@@ -103,6 +114,8 @@ class MissionMonitor:
                 self._clock(time_s)
             case Odometry():
                 self._odometry(topic.split('/')[1], message)
+            case Text() if topic == MISSION_STATUS.resolve(f'/{C3}'):
+                self._status()
             case Text(data=data) if topic == MISSION_EVENTS.name:
                 self._log_entry(data)
 
@@ -117,14 +130,22 @@ class MissionMonitor:
             auv = self.auvs[name]
             auv.position, auv.submerged = odometry.position, odometry.z_m < 0
 
+    def _status(self) -> None:
+        """Take what C3 shows of the AUVs of this mission."""
+        status = self.summarizer.status
+        for auv in status.auvs if status else ():
+            if auv.name in self.auvs:
+                self.auvs[auv.name].status = auv
+
     def _log_entry(self, data: bytes) -> None:
         try:
             envelope, event = codec.decode(data)
         except MessageError:
             return  # the summary counts it
-        subject = event.auv if isinstance(event, Met) else envelope.src
-        about_an_auv = isinstance(event, CellEntered | Dived | Surfaced | StayedUp | Met)
-        if not isinstance(event, Event) or (about_an_auv and subject not in self.auvs):
+        if not isinstance(event, Event):
+            return
+        subject = _subject(envelope.src, event)
+        if subject is not None and subject not in self.auvs:
             return  # of somebody who is not in this mission
         self._clock(envelope.stamp)
         text = self._apply(envelope.src, envelope.stamp, event)
@@ -150,7 +171,9 @@ class MissionMonitor:
                 auv.path, auv.cells_entered = path, 0
                 return None
             case Surfaced(cell=cell, outcome=outcome):
-                self.auvs[source].surfaced_s = stamp_s
+                auv = self.auvs[source]
+                auv.surfaced_s = stamp_s
+                auv.asked_for_help |= outcome is LegOutcome.ABORTED
                 return f'surfaced at {_cell(cell)}, {outcome.value}'
             case SortieDeparted():
                 self.sortie = SortieView(
@@ -164,7 +187,15 @@ class MissionMonitor:
             case Met():
                 return self._met(stamp_s, event)
             case Missed(auv=name):
+                self._done_with(name)
                 return f'{name} not heard on its path'
+            case SearchBrokenOff(not_reached=names):
+                self._done_with(*names)
+                return f'turns home to keep its limit, not reached: {", ".join(names)}'
+            case GivenUp(auv=name):
+                return f'{name} given up for lost, its cells go to the others'
+            case HeardAgain(auv=name):
+                return f'{name} heard again'
             case SortieReturned(sortie=number, duration_s=duration_s):
                 self.sorties_flown, self.sortie = number, None
                 self.longest_sortie_s = max(self.longest_sortie_s, duration_s)
@@ -172,14 +203,15 @@ class MissionMonitor:
             case SamplesDelivered(samples=samples, cells_delivered=cells):
                 self.cells_delivered = cells
                 return f'{samples} samples taken over, {cells} cells delivered'
-            case StayedUp():
+            case StayedUp(reason=reason):
                 auv = self.auvs[source]
                 self._relieve(auv, stamp_s)
                 auv.recovered = True
+                auv.asked_for_help |= reason is RecoveryReason.ABORTED
                 return 'stays up for recovery'
-            case MissionCompleted():
-                self.ended = 'completed'
-                return 'mission completed'
+            case MissionCompleted(lost=names):
+                self.ended = 'completed' + (f' without {", ".join(names)}' if names else '')
+                return f'mission {self.ended}'
             case MissionStopped(reason=reason):
                 self.ended = reason
                 return f'mission stopped: {reason}'
@@ -190,7 +222,8 @@ class MissionMonitor:
 
     def _cell_entered(self, source: str, stamp_s: float, event: CellEntered) -> str | None:
         auv = self.auvs[source]
-        auv.cells_entered += 1
+        if event.sample_number > 0:  # its start cell is no move of its path
+            auv.cells_entered += 1
         auv.position = self.scenario.region.centre(event.cell)
         self.entered.add(event.cell)
         if self.explored_s is None and len(self.entered) == self.scenario.region.cells_total:
@@ -199,6 +232,10 @@ class MissionMonitor:
                 waiting.neglect_s += waiting.waiting_s(stamp_s)
             return f'region explored at {stamp_s:.0f} s'
         return None
+
+    def _done_with(self, *names: str) -> None:
+        if self.sortie is not None:
+            self.sortie.done_with.update(names)
 
     def _relieve(self, auv: AuvView, stamp_s: float) -> None:
         """End an AUV's wait; the AUV and the UAV both tell of it, the second changes nothing."""
@@ -210,12 +247,21 @@ class MissionMonitor:
         auv = self.auvs[event.auv]
         self._relieve(auv, stamp_s)
         auv.last_met_s = stamp_s
-        if self.sortie is not None:
-            self.sortie.met.append(event.auv)
+        self._done_with(event.auv)
         moves = max(0, len(event.path) - 1)
         return f'met {event.auv} at {_cell(event.cell)}, ' + (
-            f'path of {moves} cells to {_cell(event.path[-1])}' if moves else 'nothing left to do'
+            f'path of {moves} cells to {_cell(event.path[-1])}' if moves else 'to stay up'
         )
+
+
+def _subject(source: str, event: Event) -> str | None:
+    """Return the AUV that an event is about; None where it is about none."""
+    match event:
+        case Met(auv=auv) | Missed(auv=auv) | GivenUp(auv=auv) | HeardAgain(auv=auv):
+            return auv
+        case CellEntered() | Dived() | Surfaced() | StayedUp():
+            return source
+    return None
 
 
 def _cell(cell: Cell) -> str:

@@ -1,8 +1,9 @@
-"""Figures over time: coverage, neglect of the AUVs, sorties against their limit."""
+"""Figures over time: coverage, contact with the AUVs, their neglect, sorties and their limit."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from itertools import pairwise
+from typing import TYPE_CHECKING, Any
 
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
@@ -23,14 +24,49 @@ from c3_station.figure_style import (
 from c3_station.paper import EXPLORED_S, is_reference_mission
 from c3_station.summary import lower_bound_s
 from msgs_json.geometry import TOLERANCE, is_before
-from msgs_json.messages import CellEntered, Met, SamplesDelivered, Surfaced
+from msgs_json.messages import (
+    CellEntered,
+    ContactState,
+    Met,
+    Missed,
+    SamplesDelivered,
+    Surfaced,
+)
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
     from c3_station.mission_record import MissionRecord
     from c3_station.scenario import Scenario
     from msgs_json.geometry import Cell
+
+Look = dict[str, Any]
+"""How matplotlib draws something; it lists every key there is as its type."""
+
+_UNDER_WATER: Look = {'facecolor': '#CFE6F5'}
+_WAITING: Look = {'facecolor': VERMILLION}
+_AT_C3: Look = {'facecolor': GREY}
+_RECOVERED: Look = {
+    'facecolor': '#DDDDDD',
+    'hatch': '////',
+    'edgecolor': 'white',
+    'lw': 0.0,
+}
+_CONTACTS: dict[ContactState | None, tuple[str, Look]] = {
+    ContactState.EXPECTED_SILENT: ('silent, as expected', _UNDER_WATER),
+    ContactState.DUE: ('due', {'facecolor': SKY}),
+    ContactState.OVERDUE: (
+        'overdue',
+        {'facecolor': VERMILLION, 'hatch': 'xxx', 'edgecolor': 'white', 'lw': 0.0},
+    ),
+    ContactState.LOST: ('lost', {'facecolor': BLACK}),
+    None: ('up for recovery', _RECOVERED),
+}
+"""How what C3 makes of an AUV's silence is named and drawn."""
+_MET: Look = {'marker': 'o', 'mfc': 'white', 'mec': BLACK, 'mew': 1.0, 'ls': 'none'}
+_MISSED: Look = {'marker': 'X', 'mfc': BLACK, 'mec': 'white', 'mew': 0.7, 'ls': 'none'}
+_BROKEN_OFF: Look = {'marker': '<', 'mfc': 'white', 'mec': BLACK, 'mew': 1.0, 'ls': 'none'}
 
 
 def draw_coverage(record: MissionRecord, scenario: Scenario) -> Figure | None:
@@ -120,49 +156,83 @@ def _best_coverage(scenario: Scenario) -> tuple[list[float], list[float]]:
     ]
 
 
+def _rows(labels: list[str], end_s: float, legend_rows: int) -> tuple[Figure, Axes]:
+    """Return axes over time with a row for each label, from above."""
+    figure, axes = new_figure(0.85 + 0.2 * legend_rows + 0.42 * len(labels))
+    axes.set_yticks(range(len(labels)), labels)
+    axes.set_ylim(len(labels) - 0.5, -0.5)
+    axes.set_xlim(0.0, end_s)
+    axes.set_xlabel('time (s)')
+    return figure, axes
+
+
+def _fill(axes: Axes, row: int, spans: list[tuple[float, float]], look: Look) -> None:
+    """Fill spans of a row, each given by its beginning and its length, seconds."""
+    axes.broken_barh(spans, (row - 0.3, 0.6), **look)
+
+
+def draw_contacts(record: MissionRecord, scenario: Scenario) -> Figure | None:
+    """Draw what C3 made of each AUV's silence, with the meetings and the searches in vain."""
+    names = [auv.name for auv in scenario.auvs if auv.name in record.contacts]
+    if not names:
+        return None
+    end_s = _end_s(record, scenario)
+    seen = {contact for name in names for _, contact in record.contacts[name]}
+    handles: list[Line2D | Patch] = [
+        Patch(label=label, **look)
+        for contact, (label, look) in _CONTACTS.items()
+        if contact in seen
+    ]
+    handles.append(Line2D([], [], ms=5, label='met', **_MET))
+    if record.summary.missed_total:
+        handles.append(Line2D([], [], ms=8, label='searched in vain', **_MISSED))
+    figure, axes = _rows([auv_label(name) for name in names], end_s, -(-len(handles) // 3))
+    for row, name in enumerate(names):
+        changes = (*record.contacts[name], (end_s, None))
+        for contact, (_, look) in _CONTACTS.items():
+            spans = [
+                (begin_s, stop_s - begin_s)
+                for (begin_s, state), (stop_s, _) in pairwise(changes)
+                if state is contact
+            ]
+            _fill(axes, row, spans, look)
+        for kind, size, look in ((Met, 4.0, _MET), (Missed, 7.0, _MISSED)):
+            times_s = [
+                each.stamp_s
+                for each in record.events
+                if isinstance(each.event, kind) and each.event.auv == name
+            ]
+            axes.plot(times_s, [row] * len(times_s), ms=size, zorder=3, **look)
+    legend_below(figure, handles, 3)
+    return figure
+
+
 def draw_neglect(record: MissionRecord, scenario: Scenario) -> Figure | None:
-    """Draw when each AUV was under water and when it waited at the surface for the UAV."""
+    """Draw when each AUV waited at the surface for the UAV, and when the UAV waited at C3."""
     names = [auv.name for auv in scenario.auvs if auv.name in record.tracks]
     if not names:
         return None
     end_s = _end_s(record, scenario)
     explored_s = record.summary.explored_s
-    figure, axes = new_figure(1.5 + 0.42 * len(names))
-    for place, name in enumerate(names):
-        axes.broken_barh([(0.0, end_s)], (place - 0.3, 0.6), facecolor='#CFE6F5')
+    figure, axes = _rows([*map(auv_label, names), 'UAV'], end_s, 3)
+    for row, name in enumerate(names):
+        _fill(axes, row, [(0.0, end_s)], _UNDER_WATER)
         recovered_s = _recovered_s(record, name)
         if recovered_s is not None:
-            axes.broken_barh(
-                [(recovered_s, end_s - recovered_s)],
-                (place - 0.3, 0.6),
-                facecolor='#DDDDDD',
-                hatch='////',
-                edgecolor='white',
-            )
-        waits = _waits(record, name, end_s)
-        axes.broken_barh(waits, (place - 0.3, 0.6), facecolor=VERMILLION)
+            _fill(axes, row, [(recovered_s, end_s - recovered_s)], _RECOVERED)
+        _fill(axes, row, _waits(record, name, end_s), _WAITING)
         neglect_s = record.summary.neglect_s.get(name, 0.0)
         share = f' ({100.0 * neglect_s / explored_s:.1f} %)' if explored_s else ''
-        axes.annotate(
-            f'{neglect_s:g} s{share}',
-            (1.0, place),
-            (5, 0),
-            xycoords=('axes fraction', 'data'),
-            textcoords='offset points',
-            va='center',
-            fontsize=9,
-            annotation_clip=False,
-        )
+        _annotate_row(axes, row, f'{neglect_s:g} s{share}')
+    _fill(axes, len(names), _waits_at_c3(record), _AT_C3)
+    _annotate_row(axes, len(names), f'{record.summary.c3_wait_s:g} s')
     if explored_s is not None:
         axes.axvline(explored_s, color=BLACK, lw=1.2, ls='--')
-    axes.set_yticks(range(len(names)), [auv_label(name) for name in names])
-    axes.set_ylim(len(names) - 0.5, -0.5)
-    axes.set_xlim(0.0, end_s)
-    axes.set_xlabel('time (s)')
     handles: list[Line2D | Patch] = [
-        Patch(facecolor='#CFE6F5', label='under water'),
-        Patch(facecolor=VERMILLION, label='waiting, surfaced'),
-        Patch(facecolor='#DDDDDD', hatch='////', edgecolor='white', label='up for recovery'),
+        Patch(label='under water', **_UNDER_WATER),
+        Patch(label='waiting, surfaced', **_WAITING),
+        Patch(label='up for recovery', **_RECOVERED),
+        Patch(label='UAV waiting at C3', **_AT_C3),
     ]
     if explored_s is not None:
         handles.append(
@@ -170,6 +240,30 @@ def draw_neglect(record: MissionRecord, scenario: Scenario) -> Figure | None:
         )
     legend_below(figure, handles, 2)
     return figure
+
+
+def _annotate_row(axes: Axes, row: int, text: str) -> None:
+    """Put a figure to the right of a row."""
+    axes.annotate(
+        text,
+        (1.0, row),
+        (5, 0),
+        xycoords=('axes fraction', 'data'),
+        textcoords='offset points',
+        va='center',
+        fontsize=9,
+        annotation_clip=False,
+    )
+
+
+def _waits_at_c3(record: MissionRecord) -> list[tuple[float, float]]:
+    """Return when the UAV began to wait at C3 for its next sortie, and how long, seconds."""
+    returns_s = [0.0, *(each.returned_s for each in record.summary.sorties)]
+    return [
+        (returned_s, sortie.departed_s - returned_s)
+        for returned_s, sortie in zip(returns_s, record.summary.sorties, strict=False)
+        if returned_s is not None
+    ]
 
 
 def _waits(record: MissionRecord, auv: str, end_s: float) -> list[tuple[float, float]]:
@@ -218,6 +312,11 @@ def draw_sorties(record: MissionRecord, scenario: Scenario) -> Figure | None:
                 lw=0.0,
             )
     size = 6.0 if len(sorties) <= 25 else 3.5
+    missed = [sortie.index for sortie in sorties if sortie.missed]
+    broken_off = [sortie.index for sortie in sorties if sortie.not_reached]
+    foot_s = 0.04 * scenario.sortie.limit_s
+    axes.plot(missed, [foot_s] * len(missed), ms=1.2 * size, **_MISSED)
+    axes.plot(broken_off, [2.5 * foot_s] * len(broken_off), ms=1.2 * size, **_BROKEN_OFF)
     axes.plot(
         numbers,
         [sortie.worst_case_s for sortie in sorties],
@@ -260,5 +359,9 @@ def draw_sorties(record: MissionRecord, scenario: Scenario) -> Figure | None:
         late_flight = Patch(facecolor=VERMILLION, hatch='////', edgecolor='white')
         late_flight.set_label('flown, over the limit')
         handles.append(late_flight)
+    if missed:
+        handles.append(Line2D([], [], ms=8, label='an AUV searched in vain', **_MISSED))
+    if broken_off:
+        handles.append(Line2D([], [], ms=7, label='search broken off', **_BROKEN_OFF))
     legend_below(figure, handles, 2)
     return figure

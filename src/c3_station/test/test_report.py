@@ -7,6 +7,7 @@ import json
 import re
 import tempfile
 from base64 import b64encode
+from dataclasses import replace
 from html.parser import HTMLParser
 from itertools import combinations, pairwise
 from pathlib import Path
@@ -22,7 +23,7 @@ from matplotlib.transforms import Bbox
 
 from c3_station import map_figures, paper, time_figures
 from c3_station.bag import BagError, BagFacts, BagReader, BagWriter, stamp_ns
-from c3_station.figure_style import STYLE
+from c3_station.figure_style import BLACK, SKY, STYLE, VERMILLION
 from c3_station.figures import FIGURES, draw_figures
 from c3_station.in_process import fly
 from c3_station.mission_record import MissionRecord, bag_records, gather_mission, read_mission
@@ -31,11 +32,12 @@ from c3_station.recorded_topics import mission_topics
 from c3_station.report import render_report, write_report
 from c3_station.scenario import Scenario
 from c3_station.scenario_files import load_scenario, parse_scenario, scenario_json
-from c3_station.summary import failed_conditions, summarize
+from c3_station.summary import LoggedEvent, failed_conditions, summarize
 from msgs_json.agent_shell import Frame
+from msgs_json.messages import ContactState, Met, Missed
 from msgs_json.ros_messages import to_cdr
 
-NAMES = ['routes', 'first_sortie', 'coverage', 'neglect', 'sorties', 'survey']
+NAMES = ['routes', 'first_sortie', 'coverage', 'contacts', 'neglect', 'sorties', 'survey']
 FACTS = BagFacts(wall_s=2.5, real_time_factor=212.0, complete=True)
 
 
@@ -187,6 +189,10 @@ def test_page_of_the_reference_mission_says_what_the_paper_says() -> None:
     assert 'neglect of A3 7.17 % 8.1 % +0.93 points' in text
     assert '457 s region explored; no planner can before 330 s' in text
     assert '0 of 9 sorties over their limit; longest 59 s of 60 s' in text
+    assert '97.8 % is the most that a sortie took of its worst case' in text
+    assert '64 s the UAV waited at C3 before its sorties' in text
+    assert '105 s greatest age of a sample that C3 did not have yet 0 of 9' in text
+    assert '1 0 s 44 s 44 s 45 s 97.8 % 45 s A1 at 14 s' in text
     assert 'A1 at 14 s, [4, 7], λ 17 s, 6 cells to [4, 1]' in text
     assert 'stays up for recovery' in text
     assert 'python3 orchestrate.py report bag' in text
@@ -199,31 +205,65 @@ def test_other_missions_are_not_put_beside_the_paper() -> None:
     assert '212 real time; flown in 2.5 s of wall time' in text
 
 
+TROUBLE = ('given up', 'asked for help', 'in vain', 'roken off', 'of lost AUVs', 'on board a lost')
+
+
+def test_a_mission_without_trouble_does_not_speak_of_it() -> None:
+    text = words(page_of(recorded('ecc2009'))).partition('What the figures mean')[0]
+    assert [trouble for trouble in TROUBLE if trouble in text] == []
+
+
+def with_trouble() -> MissionRecord:
+    """Return the reference mission as if it had been a worse one."""
+    record = recorded('ecc2009')
+    first, second, *others = record.summary.sorties
+    second = msgspec.structs.replace(
+        second,
+        bound_ratio=1.004,
+        missed=('auv_2', 'auv_3'),
+        given_up=('auv_3',),
+        not_reached=('auv_1', 'auv_2'),
+    )
+    summary = msgspec.structs.replace(
+        record.summary,
+        sorties=(first, second, *others),
+        missed_total=4,
+        searches_broken_off=1,
+        lost=('auv_3',),
+        heard_again=('auv_2',),
+        aborted=('auv_1',),
+        samples_missing={'auv_1': 0, 'auv_2': 0, 'auv_3': 7},
+    )
+    return replace(record, summary=summary)
+
+
+def test_page_tells_who_was_lost_who_asked_for_help_and_what_was_left_out() -> None:
+    text = words(page_of(with_trouble()))
+    assert 'A3 was given up and not heard again; its cells went to the others. 7 of its' in text
+    assert 'A2 was given up and heard again.' in text
+    assert 'A1 asked for help.' in text
+    assert 'Searches in vain: 4.' in text
+    assert 'Searches broken off to be home within the limit: 1.' in text
+    assert 'A2 searched in vain A3 searched in vain and given up' in text
+    assert 'Broken off , not reached: A1, A2' in text
+    assert 'all data at C3 but that of lost AUVs; mission over' in text
+    assert 'did not have yet; on board a lost AUV until the end' in text
+    assert '<td class="n bad">100.4' in page_of(with_trouble())
+
+
 def test_failed_conditions_come_first() -> None:
     content = json.loads(scenario_json(load_scenario('minimal')))
     content['pass'] = {'explored_s': {'max': 60.0}}
-    record = msgspec_replace(recorded('minimal'), parse_scenario(json.dumps(content)))
+    record = replace(recorded('minimal'), scenario=parse_scenario(json.dumps(content)))
     text = words(page_of(record))
     assert 'Not passed ✗ explored_s is 120, more than allowed: at most 60 ✓ samples_lost' in text
-
-
-def msgspec_replace(record: MissionRecord, scenario: Scenario) -> MissionRecord:
-    return MissionRecord(
-        scenario=scenario,
-        summary=record.summary,
-        facts=record.facts,
-        events=record.events,
-        tracks=record.tracks,
-        routes=record.routes,
-        survey=record.survey,
-    )
 
 
 def test_text_from_the_bag_is_escaped() -> None:
     scenario = msgspec.structs.replace(
         load_scenario('minimal'), description='<script>alert(1)</script> & co'
     )
-    page = page_of(msgspec_replace(recorded('minimal'), scenario))
+    page = page_of(replace(recorded('minimal'), scenario=scenario))
     assert '<script>' not in page
     assert '&lt;script&gt;alert(1)&lt;/script&gt; &amp; co' in page
 
@@ -356,6 +396,94 @@ def test_waits_drawn_are_the_neglect_of_the_summary() -> None:
             max(0.0, min(begin_s + length_s, explored_s) - begin_s) for begin_s, length_s in waits
         )
         assert drawn_s == neglect_s
+
+
+def test_waits_at_c3_drawn_are_those_of_the_summary() -> None:
+    record = recorded('ecc2009')
+    waits = time_figures._waits_at_c3(record)
+    assert sum(length_s for _, length_s in waits) == record.summary.c3_wait_s == 64.0
+    assert waits[:2] == [(0.0, 0.0), (44.0, 30.0)]
+
+
+def spans(figure: Figure, row: int, colour: str) -> list[tuple[float, float]]:
+    """Return the bars of a colour in a row: beginning and end, seconds."""
+    found = []
+    for bars in figure.axes[0].collections:
+        if [mpl.colors.to_hex(face) for face in bars.get_facecolor()] == [colour.lower()]:
+            boxes = [path.get_extents() for path in bars.get_paths()]
+            found += [(float(box.x0), float(box.x1)) for box in boxes if box.y0 < row < box.y1]
+    return sorted(found)
+
+
+def test_contacts_drawn_are_what_c3_showed_and_when() -> None:
+    record = recorded('ecc2009')
+    figure = drawn('contacts', record)
+    # A1 is due at S_1 = 10 s and met at 14 s; C3 hears of it at 44 s. Its next path ends at 74 s.
+    assert spans(figure, 0, SKY)[0] == (10.0, 44.0)
+    assert spans(figure, 0, '#CFE6F5')[:2] == [(0.0, 10.0), (44.0, 74.0)]
+    for row, changes in enumerate(record.contacts.values()):
+        assert changes[-1][1] is None
+        due = [time_s for time_s, contact in changes if contact is ContactState.DUE]
+        assert [begin_s for begin_s, _ in spans(figure, row, SKY)] == due
+    assert legend_of(figure) == {'silent, as expected', 'due', 'up for recovery', 'met'}
+
+
+def legend_of(figure: Figure) -> set[str]:
+    (legend,) = figure.legends
+    return {text.get_text() for text in legend.get_texts() if text.get_text().strip()}
+
+
+def with_contacts(*changes: tuple[float, ContactState | None]) -> MissionRecord:
+    record = recorded('minimal')
+    missed = LoggedEvent(60.0, 'uav', Missed(sortie=1, auv='auv_1'))
+    return replace(
+        record,
+        contacts={'auv_1': changes},
+        events=(*record.events, missed),
+        summary=msgspec.structs.replace(record.summary, missed_total=1),
+    )
+
+
+def test_every_contact_state_is_drawn_in_its_own_way() -> None:
+    record = with_contacts(
+        (0.0, ContactState.EXPECTED_SILENT),
+        (20.0, ContactState.DUE),
+        (40.0, ContactState.OVERDUE),
+        (60.0, ContactState.LOST),
+        (80.0, ContactState.EXPECTED_SILENT),
+        (90.0, None),
+    )
+    figure = drawn('contacts', record)
+    assert spans(figure, 0, '#CFE6F5') == [(0.0, 20.0), (80.0, 90.0)]
+    assert spans(figure, 0, SKY) == [(20.0, 40.0)]
+    assert spans(figure, 0, VERMILLION) == [(40.0, 60.0)]
+    assert spans(figure, 0, BLACK) == [(60.0, 80.0)]
+    ((recovered_s, end_s),) = spans(figure, 0, '#DDDDDD')
+    assert (recovered_s, end_s) == (90.0, record.tracks['auv_1'].times_s[-1])
+    *_, met, missed = figure.axes[0].get_lines()
+    assert list(np.asarray(missed.get_xdata())) == [60.0]
+    assert list(np.asarray(met.get_xdata())) == [
+        each.stamp_s for each in record.events if isinstance(each.event, Met)
+    ]
+    assert len(legend_of(figure)) == 7
+    looks = [tuple(look.items()) for _, look in time_figures._CONTACTS.values()]
+    assert len(set(looks)) == len(ContactState) + 1
+
+
+def test_record_without_a_status_has_no_figure_of_contacts() -> None:
+    record = replace(recorded('minimal'), contacts={})
+    assert record.scenario is not None
+    assert time_figures.draw_contacts(record, record.scenario) is None
+
+
+def test_sorties_with_searches_in_vain_or_broken_off_are_marked() -> None:
+    def marked(record: MissionRecord) -> list[list[float]]:
+        lines = drawn('sorties', record).axes[0].get_lines()
+        by_marker = {line.get_marker(): list(np.asarray(line.get_xdata())) for line in lines}
+        return [by_marker['X'], by_marker['<']]
+
+    assert marked(recorded('ecc2009')) == [[], []]
+    assert marked(with_trouble()) == [[2], [2]]
 
 
 def test_coverage_ends_at_all_cells_and_stays_below_the_bound() -> None:
