@@ -22,6 +22,8 @@ def page_template(name: str) -> jinja2.Template:
         'number': _number,
         'signed': _signed,
         'percent': _percent,
+        'rounded': _rounded,
+        'ratio': _ratio,
         'auv_label': auv_label,
     }
     return environment.get_template(name)
@@ -45,3 +47,14 @@ def _signed(value: float | None, unit: str = '') -> str:
 
 def _percent(share: float | None) -> str:
     return _number(None if share is None else round(100.0 * share, 1), '%')
+
+
+def _rounded(value: float, unit: str = '') -> str:
+    """Return a number with three digits, or all before the point."""
+    digits = 0 if abs(value) >= 100 else 1 if abs(value) >= 10 else 2
+    return _number(round(value, digits), unit)
+
+
+def _ratio(value: float | None) -> str:
+    """Return a ratio that may be 1, with the digits that tell."""
+    return '\N{EN DASH}' if value is None else f'{value:.4f}'
