@@ -322,6 +322,21 @@ def failed_conditions(summary: Summary, scenario: Scenario) -> list[str]:
     ]
 
 
+def c3_waits(sorties: Sequence[SortieSummary]) -> list[tuple[float, float]]:
+    """
+    Return when the UAV began to wait at C3 for each of its sorties, and how long it waited.
+
+    Seconds; it is there from the start of the mission. After a return that the record does not
+    hold nobody knows how long it waited.
+    """
+    returns_s = [0.0, *(sortie.returned_s for sortie in sorties)]
+    return [
+        (returned_s, sortie.departed_s - returned_s)
+        for returned_s, sortie in zip(returns_s, sorties, strict=False)
+        if returned_s is not None
+    ]
+
+
 def lower_bound_s(scenario: Scenario) -> float:
     """
     Return a time before which no planner can have the region explored.
@@ -475,7 +490,7 @@ class _Figures:
                 (each.bound_ratio for each in sorties if each.bound_ratio is not None),
                 default=None,
             ),
-            c3_wait_s=_c3_wait_s(sorties),
+            c3_wait_s=_seconds(sum(wait_s for _, wait_s in c3_waits(sorties))),
             neglect_s=neglect_s,
             neglect_fraction=sum(neglect_s.values()) / explored_s if explored_s else None,
             missed_total=len(self.missed),
@@ -611,15 +626,6 @@ class _Figures:
         if lasted_s is None:
             lasted_s = self.latest_s - sortie.departed_s
         return is_before(sortie.limit_s, lasted_s)
-
-
-def _c3_wait_s(sorties: Iterable[SortieSummary]) -> float:
-    wait_s, back_s = 0.0, 0.0
-    for sortie in sorties:
-        wait_s += sortie.departed_s - back_s
-        # Without a return nobody knows how long it flew; nothing follows in such a record.
-        back_s = sortie.departed_s if sortie.returned_s is None else sortie.returned_s
-    return _seconds(wait_s)
 
 
 def _names(events: Iterable[Missed | GivenUp]) -> tuple[str, ...]:

@@ -22,7 +22,7 @@ from c3_station.figure_style import (
     new_figure,
 )
 from c3_station.paper import EXPLORED_S, is_reference_mission
-from c3_station.summary import lower_bound_s
+from c3_station.summary import c3_waits, lower_bound_s
 from msgs_json.geometry import TOLERANCE, is_before
 from msgs_json.messages import (
     CellEntered,
@@ -224,7 +224,7 @@ def draw_neglect(record: MissionRecord, scenario: Scenario) -> Figure | None:
         neglect_s = record.summary.neglect_s.get(name, 0.0)
         share = f' ({100.0 * neglect_s / explored_s:.1f} %)' if explored_s else ''
         _annotate_row(axes, row, f'{neglect_s:g} s{share}')
-    _fill(axes, len(names), _waits_at_c3(record), _AT_C3)
+    _fill(axes, len(names), c3_waits(record.summary.sorties), _AT_C3)
     _annotate_row(axes, len(names), f'{record.summary.c3_wait_s:g} s')
     if explored_s is not None:
         axes.axvline(explored_s, color=BLACK, lw=1.2, ls='--')
@@ -254,16 +254,6 @@ def _annotate_row(axes: Axes, row: int, text: str) -> None:
         fontsize=9,
         annotation_clip=False,
     )
-
-
-def _waits_at_c3(record: MissionRecord) -> list[tuple[float, float]]:
-    """Return when the UAV began to wait at C3 for its next sortie, and how long, seconds."""
-    returns_s = [0.0, *(each.returned_s for each in record.summary.sorties)]
-    return [
-        (returned_s, sortie.departed_s - returned_s)
-        for returned_s, sortie in zip(returns_s, record.summary.sorties, strict=False)
-        if returned_s is not None
-    ]
 
 
 def _waits(record: MissionRecord, auv: str, end_s: float) -> list[tuple[float, float]]:

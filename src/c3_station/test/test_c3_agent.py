@@ -544,3 +544,6 @@ def test_whatever_it_hears_it_counts_what_it_acknowledged_once(
                 out = {auv.contact for auv in each.message.auvs} - {None, ContactState.LOST}
                 assert not (ended and out)
                 assert ended == bench.agent.finished
+                lost = [a.name for a in each.message.auvs if a.contact is ContactState.LOST]
+                told = [e.lost for e in events(output) if isinstance(e, MissionCompleted)]
+                assert told in ([], [tuple(lost)])

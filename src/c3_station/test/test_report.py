@@ -23,7 +23,7 @@ from matplotlib.transforms import Bbox
 
 from c3_station import map_figures, paper, time_figures
 from c3_station.bag import BagError, BagFacts, BagReader, BagWriter, stamp_ns
-from c3_station.figure_style import BLACK, SKY, STYLE, VERMILLION
+from c3_station.figure_style import BLACK, GREY, SKY, STYLE, VERMILLION
 from c3_station.figures import FIGURES, draw_figures
 from c3_station.in_process import fly
 from c3_station.mission_record import MissionRecord, bag_records, gather_mission, read_mission
@@ -400,9 +400,9 @@ def test_waits_drawn_are_the_neglect_of_the_summary() -> None:
 
 def test_waits_at_c3_drawn_are_those_of_the_summary() -> None:
     record = recorded('ecc2009')
-    waits = time_figures._waits_at_c3(record)
-    assert sum(length_s for _, length_s in waits) == record.summary.c3_wait_s == 64.0
-    assert waits[:2] == [(0.0, 0.0), (44.0, 30.0)]
+    waits = spans(drawn('neglect', record), len(record.summary.neglect_s), GREY)
+    assert sum(end_s - begin_s for begin_s, end_s in waits) == record.summary.c3_wait_s == 64.0
+    assert waits[:2] == [(0.0, 0.0), (44.0, 74.0)]
 
 
 def spans(figure: Figure, row: int, colour: str) -> list[tuple[float, float]]:

@@ -262,6 +262,11 @@ def test_sortie_still_being_flown_counts_once_it_is_over_the_limit() -> None:
     assert summary_of(late).c3_wait_s == 52.0
 
 
+def test_a_wait_after_a_return_that_was_not_recorded_is_unknown() -> None:
+    gap = [each for each in MISSION if each[0] != 16.0]
+    assert summary_of(gap).c3_wait_s == 12.0 + 19.0
+
+
 def test_mission_that_broke_off_has_nulls_and_a_reason() -> None:
     stopped = (40.0, 'world', MissionStopped(reason='node died', node='auv_1'))
     summary = summary_of([*[each for each in MISSION if each[0] < 40.0], stopped])
@@ -305,6 +310,8 @@ def test_a_return_without_samples_delivers_nothing() -> None:
 def test_the_oldest_sample_that_was_never_delivered_ages_until_the_end() -> None:
     mission = without(SamplesDelivered, after_s=20.0)  # those of 24, 34, 49 and 59 s stay away
     assert summary_of(mission).data_age_max_s == 97.0 - 24.0
+    late = (120.0, 'auv_1', MessageRefused(sender='x', reason='y', detail='z'))
+    assert summary_of([*mission, late]).data_age_max_s == 97.0 - 24.0
     running = [each for each in mission if each[0] <= 60.0]
     assert summary_of(running).data_age_max_s == 60.0 - 24.0
 
