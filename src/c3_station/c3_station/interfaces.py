@@ -55,6 +55,8 @@ _PARTS = (
     messages.Sample,
     messages.RelayedSample,
     messages.Meeting,
+    messages.SortieOutlook,
+    messages.ExpectedContact,
     messages.AuvStatus,
 )
 """Structs that messages are made of."""
@@ -67,6 +69,7 @@ _CHOICES = (
     messages.LegOutcome,
     messages.RecoveryReason,
     messages.MissionState,
+    messages.ContactState,
     messages.NodeKind,
 )
 
