@@ -98,7 +98,7 @@ class C3Agent:
         """Repeat the order until the UAV has it; show the status when it changes, or is old."""
         output: list[Output] = []
         if self._order is None:
-            self._order = _mission_order(self._scenario, now_s)
+            self._order = mission_order(self._scenario, now_s)
             self._auvs = {auv.name: _Auv(leg=auv.leg) for auv in self._order.auvs}
             output.append(Log(self._started(), now_s))
             output += self._show_survey(now_s)
@@ -281,7 +281,9 @@ def _oldest_age_s(samples: list[Sample], now_s: float) -> float | None:
     return max(0.0, now_s - min(sample.entered_s for sample in samples))
 
 
-def _mission_order(scenario: Scenario, now_s: float) -> MissionOrder:
+def mission_order(scenario: Scenario, now_s: float) -> MissionOrder:
+    """Return the order with which C3 begins a mission."""
+
     def initial_leg(path: tuple[Cell, ...], speed_mps: float) -> Leg:
         deadline_s = surface_deadline_s(
             now_s,

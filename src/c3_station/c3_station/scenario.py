@@ -75,7 +75,7 @@ class Sortie(Section, frozen=True, kw_only=True):
 class PlannerChoice(Section, frozen=True, kw_only=True):
     """Which planner chooses the paths, and how long they may be."""
 
-    name: str
+    name: str = 'robust'
     path_cells: PathCells
     """Moves of a full path, q."""
     min_path_cells: PathCells = 1
@@ -105,7 +105,11 @@ class PassConditions(Section, frozen=True, kw_only=True):
     neglect_fraction: Limits = Limits()
     sortie_limit_violations: Limits = Limits()
     samples_lost: Limits = Limits(max=0.0)
-    """``samples_collected - samples_delivered``."""
+    """Samples of AUVs that are not lost at the end, collected and not at C3."""
+
+
+PROMISES = ('sortie_limit_violations', 'samples_lost')
+"""Pass conditions that ask for what any planner should keep, not for how good one is."""
 
 
 class Scenario(Section, frozen=True, kw_only=True):

@@ -15,6 +15,7 @@ import msgspec
 from auv_sim.auv_params import DRIVERS as AUV_DRIVERS
 from auv_sim.surfacing import surfacing_model
 from auv_sim.survey_field import make_field
+from c3_station.c3_agent import mission_order
 from c3_station.scenario import RESERVED_NAMES, Limits, Scenario
 from c3_station.shape_checks import KeyPath, Problem, nearest
 from msgs_json import codec
@@ -33,7 +34,10 @@ from msgs_json.messages import (
     SortieReport,
 )
 from msgs_json.straight_motion import Flow
+from uav_planner.guarantee import initial_problem
 from uav_planner.planners import PLANNERS, make_planner
+from uav_planner.planning import SurveyLeg
+from uav_planner.uav_agent import UavSetup, mission_spec
 from uav_planner.uav_params import DRIVERS as UAV_DRIVERS
 
 if TYPE_CHECKING:
@@ -42,7 +46,8 @@ if TYPE_CHECKING:
 
 def mission_problems(scenario: Scenario) -> list[Problem]:
     """Return why a well-formed scenario is no mission that can be flown here."""
-    return [*_inconsistencies(scenario), *_unknown_parts(scenario)]
+    problems = [*_inconsistencies(scenario), *_unknown_parts(scenario)]
+    return problems or [*_radio(scenario), *_not_guaranteed(scenario)]
 
 
 # --- one part against another --------------------------------------------------------------------
@@ -51,7 +56,6 @@ def mission_problems(scenario: Scenario) -> list[Problem]:
 def _inconsistencies(scenario: Scenario) -> Iterator[Problem]:
     yield from _geometry(scenario)
     yield from _fleet(scenario)
-    yield from _radio(scenario)
     yield from _wind(scenario)
     planner = scenario.planner
     if planner.min_path_cells > planner.path_cells:
@@ -154,17 +158,8 @@ def longest_message_bytes(scenario: Scenario) -> int:
 
 
 def _longest_order(scenario: Scenario) -> MissionOrder:
-    return MissionOrder(
-        mission_id=scenario.name,
-        region=scenario.region,
-        c3=scenario.c3,
-        radio_range_m=scenario.radio.range_m,
-        sortie_limit_s=scenario.sortie.limit_s,
-        path_cells=scenario.planner.path_cells,
-        min_path_cells=scenario.planner.min_path_cells,
-        surface_margin_s=scenario.sortie.surface_margin_s,
-        handover_s=scenario.sortie.handover_s,
-        lost_after_sorties=scenario.sortie.lost_after_sorties,
+    return msgspec.structs.replace(
+        mission_order(scenario, 0.0),
         auvs=tuple(
             AuvOrder(
                 name=auv.name, speed_mps=auv.speed_mps, leg=_wide_leg(len(auv.initial_path) - 1)
@@ -217,6 +212,30 @@ def _wide_leg(moves: int) -> Leg:
     """Return a leg to and fro between two cells in the far corner of the largest region."""
     path = tuple((999 - index % 2, 999) for index in range(moves + 1))
     return Leg(leg_id=_WIDE_INT, path=path, surface_deadline_s=_WIDE_FLOAT)
+
+
+# --- can the limit be kept? ----------------------------------------------------------------------
+
+
+def _not_guaranteed(scenario: Scenario) -> Iterator[Problem]:
+    """Ask what the UAV asks when it gets its order; a planner without guarantee flies anyway."""
+    choice, order = scenario.planner, mission_order(scenario, 0.0)
+    if not make_planner(choice.name, **choice.options).guarantees_limit:
+        return
+    uav = UavSetup(
+        c3='c3',
+        speed_mps=scenario.uav.speed_mps,
+        altitude_m=scenario.uav.altitude_m,
+        tick_s=scenario.tick_s,
+        arrival_radius_m=scenario.uav.arrival_radius_m,
+    )
+    legs = [
+        SurveyLeg(auv=auv.name, path=auv.leg.path, surface_deadline_s=auv.leg.surface_deadline_s)
+        for auv in order.auvs
+    ]
+    problem = initial_problem(mission_spec(order, uav), legs)
+    if problem:
+        yield Problem(('sortie', 'limit_s'), f'is {scenario.sortie.limit_s:g}: {problem}')
 
 
 # --- names of parts that live elsewhere ----------------------------------------------------------

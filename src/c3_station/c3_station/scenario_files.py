@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import msgspec
 import yaml
 
-from c3_station.scenario import Scenario
+from c3_station.scenario import PROMISES, Scenario
 from c3_station.scenario_changes import change_content
 from c3_station.scenario_checks import mission_problems
 from c3_station.shape_checks import nearest, shape_problems
@@ -95,6 +95,7 @@ def with_choices(
     Return a scenario with another planner, another seed or changed keys; None keeps what it has.
 
     Another planner is flown with its default options: those in the file are the file's planner's.
+    So are the times that the file expects; of its pass conditions only the promises are kept.
     Changes are made one after another, after that. A path in them is seen from where we are.
 
     Raises
@@ -106,6 +107,7 @@ def with_choices(
     content = msgspec.json.decode(scenario_json(scenario))
     if planner is not None and planner != scenario.planner.name:
         content['planner'] |= {'name': planner, 'options': {}}
+        content['pass'] = {name: content['pass'][name] for name in PROMISES}
     if seed is not None:
         content['seed'] = seed
     for change in changes:

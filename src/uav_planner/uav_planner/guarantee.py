@@ -57,7 +57,7 @@ class Offer:
 
 class GuaranteedPaths:
     """
-    The guaranteed set at one meeting; an `AllowedPaths`.
+    The guaranteed set at one meeting.
 
     Where the UAV has lost touch with part of the fleet no path may keep L for a round to all.
     Then a path is allowed if it takes no more than staying in place would, and if a sortie to
@@ -98,18 +98,31 @@ class GuaranteedPaths:
         """Return whether a path may be handed over."""
         return self._is_within(self.offer(path))
 
-    def allows_each(self, tracks: NDArray[np.intp]) -> NDArray[np.bool_]:
-        """Return for many paths whether they may be handed over; see `AllowedPaths`."""
+    def round_ticks_each(self, tracks: NDArray[np.intp]) -> NDArray[np.float64]:
+        """
+        Return the ticks of the round with each of many paths, infinite where it is not allowed.
+
+        Parameters
+        ----------
+        tracks
+            The cells of the paths in searching order, `P_q` first: shape (2, cells, paths).
+
+        Returns
+        -------
+        NDArray[np.float64]
+            Shape (paths,); as `offer` says for one path after the other.
+
+        """
         if self._behind is not None:
             last = np.empty((2, 1, tracks.shape[2]), dtype=tracks.dtype)
             last[:] = np.array(self._behind).reshape(2, 1, 1)
             tracks = np.concatenate([tracks, last], axis=1)
-        allowed = np.zeros(tracks.shape[2], dtype=np.bool_)
+        ticks = np.full(tracks.shape[2], np.inf)
         for origin, is_reversed in self._ways():
             order = slice(None, None, -1) if is_reversed else slice(None)
             searches = lay_each_search(self._mission, origin, tracks[:, order])
-            allowed |= self._are_within(searches)
-        return allowed
+            np.minimum(ticks, self._round_ticks_each(searches), out=ticks)
+        return ticks
 
     def offer(self, path: Path) -> Offer:
         """Return a path with the shortest search found for it; it need not be allowed."""
@@ -123,9 +136,14 @@ class GuaranteedPaths:
         )
 
     def _ways(self) -> Iterable[tuple[Point, bool]]:
-        """Yield from where, and in which direction, a path's search is tried."""
-        yield from ((point, False) for point in self._before.points)
-        yield from ((point, True) for point in self._before.points)
+        """
+        Yield from where, and in which direction, a path's search is laid for a try.
+
+        A search laid from where the round goes on serves it as well, flown backwards.
+        """
+        for point in dict.fromkeys((*self._before.points, *self._after.points)):
+            yield point, False
+            yield point, True
 
     def _stay(self, request: PlanRequest, leg: SurveyLeg) -> Offer:
         moves = self._mission.min_path_cells
@@ -155,7 +173,7 @@ class GuaranteedPaths:
             and _alone_ticks(self._mission, offer.search) <= self._mission.limit_ticks
         )
 
-    def _are_within(self, searches: Searches) -> NDArray[np.bool_]:
+    def _round_ticks_each(self, searches: Searches) -> NDArray[np.float64]:
         mission = self._mission
         ticks = searches.ticks + self._handover_ticks
         ticks += self._before.ticks_to_each(searches.first_m)
@@ -164,10 +182,8 @@ class GuaranteedPaths:
         alone_ticks = searches.ticks + mission.handover_ticks
         alone_ticks += ticks_between_each(mission, searches.first_m, home_m)
         alone_ticks += ticks_between_each(mission, searches.last_m, home_m)
-        within: NDArray[np.bool_] = (ticks <= self.limit_ticks) & (
-            alone_ticks <= mission.limit_ticks
-        )
-        return within
+        ticks[(ticks > self.limit_ticks) | (alone_ticks > mission.limit_ticks)] = np.inf
+        return ticks
 
 
 def guaranteed_sortie(request: SortieRequest) -> SortiePlan:

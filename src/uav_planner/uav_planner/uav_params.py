@@ -42,7 +42,7 @@ class UavParams(Params, frozen=True):
     wind_north_mps: Annotated[
         float, param('steady wind over the simulated UAV', unit='m/s', ge=-100, le=100)
     ] = 0.0
-    planner: Annotated[str, param('chooses the paths of the AUVs')] = 'ecc2009'
+    planner: Annotated[str, param('chooses the paths of the AUVs')] = 'robust'
     planner_options: Annotated[str, param('settings of that planner, JSON object')] = '{}'
     driver: Annotated[str, param(f'vehicle driver, an entry point of {DRIVERS}')] = 'kinematic'
 

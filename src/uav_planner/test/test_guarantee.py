@@ -1,0 +1,438 @@
+"""The guaranteed set: sound by brute force, the same one path at a time or many at once."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+
+from msgs_json.geometry import Cell, GridSpec, Point, within_range
+from uav_planner.candidate_paths import every_tie_order, walk_table
+from uav_planner.guarantee import GuaranteedPaths, guaranteed_sortie, initial_problem
+from uav_planner.guarantee_oracle import (
+    count_refusals,
+    paths_from,
+    places_of,
+    reachable_meetings,
+)
+from uav_planner.planners.robust import RobustPlanner
+from uav_planner.planning import (
+    MissionSpec,
+    PlanRequest,
+    PlanStatus,
+    Prospect,
+    SortieRequest,
+    SurveyLeg,
+    track_of,
+)
+from uav_planner.sortie import worst_case_s
+
+Path = tuple[Cell, ...]
+
+
+@dataclass(frozen=True)
+class Board:
+    """A mission small enough to go through everything that can happen."""
+
+    cols: int
+    rows: int
+    moves: int
+    c3: Point
+    speed_mps: float
+    limit_s: float
+    paths: tuple[Path, ...]
+    shortest: int = 1
+    handover_s: float = 0.0
+
+    def mission(self) -> MissionSpec:
+        return MissionSpec(
+            grid=GridSpec(cols=self.cols, rows=self.rows, cell_m=10.0),
+            c3=self.c3,
+            radio_range_m=10.0,
+            uav_speed_mps=self.speed_mps,
+            tick_s=1.0,
+            sortie_limit_s=self.limit_s,
+            path_cells=self.moves,
+            min_path_cells=self.shortest,
+            handover_s=self.handover_s,
+        )
+
+
+STRIP = Board(
+    cols=5,
+    rows=1,
+    moves=1,
+    c3=Point(east_m=0.0, north_m=5.0),
+    speed_mps=5.0,
+    limit_s=10.0,
+    paths=(((1, 0), (0, 0)), ((2, 0), (3, 0))),
+)
+BLOCK = Board(
+    cols=3,
+    rows=2,
+    moves=1,
+    c3=Point(east_m=-5.0, north_m=10.0),
+    speed_mps=4.0,
+    limit_s=8.0,
+    paths=(((0, 1), (0, 0)), ((1, 0), (1, 1))),
+)
+BOARDS = {
+    'strip': STRIP,
+    'strip_with_hand_over_time': replace(STRIP, handover_s=2.0, limit_s=14.0),
+}
+LARGE_BOARDS = {
+    'strip_of_longer_paths': replace(
+        STRIP, moves=2, shortest=2, paths=(((1, 0), (0, 0), (1, 0)), ((2, 0), (3, 0), (2, 0)))
+    ),
+    'block': BLOCK,
+    'three': replace(STRIP, cols=3, paths=(*STRIP.paths[:1], ((2, 0), (1, 0)), ((1, 0), (2, 0)))),
+}
+
+
+def legs_of(paths: tuple[Path, ...]) -> tuple[SurveyLeg, ...]:
+    return tuple(
+        SurveyLeg(auv=f'auv_{number}', path=path, surface_deadline_s=0.0)
+        for number, path in enumerate(paths, start=1)
+    )
+
+
+def unexplored(mission: MissionSpec) -> np.ndarray:
+    return np.ones((mission.grid.rows, mission.grid.cols))
+
+
+# --- the induction step, by brute force ----------------------------------------------------------
+
+
+EVERY_BOARD = [
+    *(pytest.param(board, id=name) for name, board in BOARDS.items()),
+    *(
+        pytest.param(board, id=name, marks=pytest.mark.slow)
+        for name, board in LARGE_BOARDS.items()
+    ),
+]
+
+
+@pytest.mark.parametrize('board', EVERY_BOARD)
+def test_at_every_meeting_that_can_follow_some_path_keeps_the_limit(board: Board) -> None:
+    mission = board.mission()
+    meetings = 0
+    for meeting in reachable_meetings(mission, legs_of(board.paths)):
+        meetings += 1
+        stay = meeting.guaranteed.stay
+        assert stay.round_ticks <= mission.limit_ticks, meeting
+        assert len(stay.path) - 1 >= mission.min_path_cells
+        for path in paths_from(mission, meeting.request.cell):
+            if meeting.guaranteed.allows(path):
+                offer = meeting.guaranteed.offer(path)
+                assert offer.round_ticks <= mission.limit_ticks
+                assert_clears(mission, track_of(path, meeting.request.behind), offer.search)
+    assert meetings > 100
+
+
+@pytest.mark.parametrize(
+    'board', [BOARDS['strip'], pytest.param(BLOCK, marks=pytest.mark.slow)], ids=['strip', 'block']
+)
+def test_almost_nothing_is_refused_that_wins_the_game(board: Board) -> None:
+    """What `bench guarantee` measures on more boards."""
+    count = count_refusals(board.mission(), legs_of(board.paths))
+    assert count.winning < count.paths, 'a board where everything wins shows nothing'
+    assert count.refused <= 0.01 * count.winning
+
+
+def assert_clears(mission: MissionSpec, track: Path, search: tuple[Point, ...]) -> None:
+    """Check that everything between two cells of a track is heard from some one waypoint."""
+    centres = [mission.grid.centre(cell) for cell in track]
+    for start, end in itertools.pairwise(centres):
+        assert any(
+            all(
+                within_range(point.distance_m(place), mission.radio_range_m)
+                for place in (start, end)
+            )
+            for point in search
+        )
+
+
+# --- the same on larger grids, by chance ---------------------------------------------------------
+
+
+@st.composite
+def missions(draw: st.DrawFn) -> tuple[MissionSpec, tuple[SurveyLeg, ...]]:
+    """Draw a mission whose limit is as tight as its initial paths allow, or a little wider."""
+    grid = GridSpec(cols=draw(st.integers(2, 8)), rows=draw(st.integers(2, 8)), cell_m=10.0)
+    shortest = draw(st.integers(1, 3))
+    mission = MissionSpec(
+        grid=grid,
+        c3=Point(east_m=draw(st.floats(-50, 130)), north_m=draw(st.floats(-50, 130))),
+        radio_range_m=draw(st.floats(10, 35)),
+        uav_speed_mps=draw(st.floats(2, 20)),
+        tick_s=draw(st.sampled_from([0.25, 1.0, 3.0])),
+        sortie_limit_s=1e6,
+        path_cells=draw(st.integers(shortest, 4)),
+        min_path_cells=shortest,
+        handover_s=draw(st.sampled_from([0.0, 0.0, 2.5])),
+    )
+    cells = st.tuples(st.integers(0, grid.cols - 1), st.integers(0, grid.rows - 1))
+    starts = draw(st.lists(cells, min_size=1, max_size=4))
+    paths = [draw(st.sampled_from(paths_from(mission, start))) for start in starts]
+    legs = legs_of(tuple(paths))
+    problem = initial_problem(replace(mission, sortie_limit_s=0.001), legs)
+    needed_s = float(problem.split('up to ')[1].split(' s')[0]) if problem else 0.0
+    spare_ticks = draw(st.integers(1, 4))  # one for the rounding of the figure in the text
+    return replace(mission, sortie_limit_s=needed_s + spare_ticks * mission.tick_s), legs
+
+
+@settings(deadline=None)
+@given(missions(), st.data())
+def test_whatever_is_chosen_and_wherever_auvs_surface_the_limit_is_kept(
+    start: tuple[MissionSpec, tuple[SurveyLeg, ...]], data: st.DataObject
+) -> None:
+    mission, legs = start
+    values = unexplored(mission)
+    for _ in range(3):
+        sortie = guaranteed_sortie(SortieRequest(mission=mission, legs=legs, now_s=0.0))
+        assert sortie.worst_case_s <= mission.sortie_limit_s
+        searches = {
+            auv: tuple(each.point for each in waypoints)
+            for auv, waypoints in itertools.groupby(sortie.route, key=lambda each: each.auv)
+        }
+        assert set(searches) == {leg.auv for leg in legs}, 'every AUV is visited'
+        legs = tuple(
+            replace(leg, search=searches[leg.auv], prospect=Prospect.ENDS) for leg in legs
+        )
+        for index in data.draw(st.permutations(range(len(legs)))):  # out of turn as well
+            leg = legs[index]
+            cell, behind = data.draw(st.sampled_from(places_of((leg.path, leg.behind))))
+            request = PlanRequest(
+                mission=mission,
+                values=values,
+                auv=leg.auv,
+                cell=cell,
+                behind=behind,
+                legs=legs,
+                now_s=0.0,
+            )
+            guaranteed = GuaranteedPaths(request)
+            assert guaranteed.stay.round_ticks <= mission.limit_ticks
+            choices = [path for path in paths_from(mission, cell) if guaranteed.allows(path)]
+            offer = guaranteed.stay
+            if choices:  # the longest ones are the riskiest
+                offer = guaranteed.offer(data.draw(st.sampled_from(choices[-5:])))
+            new = replace(
+                leg, path=offer.path, behind=behind, search=offer.search, prospect=Prospect.STAYS
+            )
+            legs = (*legs[:index], new, *legs[index + 1 :])
+
+
+@settings(deadline=None)
+@given(missions(), st.data())
+def test_many_paths_at_once_are_judged_as_one_at_a_time(
+    start: tuple[MissionSpec, tuple[SurveyLeg, ...]], data: st.DataObject
+) -> None:
+    mission, legs = start
+    sortie = guaranteed_sortie(SortieRequest(mission=mission, legs=legs, now_s=0.0))
+    legs = tuple(
+        replace(
+            leg,
+            search=tuple(each.point for each in sortie.route if each.auv == leg.auv),
+            prospect=data.draw(st.sampled_from(Prospect)),
+        )
+        for leg in legs
+    )
+    leg = data.draw(st.sampled_from(legs))
+    cell, behind = data.draw(st.sampled_from(places_of((leg.path, leg.behind))))
+    guaranteed = GuaranteedPaths(
+        PlanRequest(
+            mission=mission,
+            values=unexplored(mission),
+            auv=leg.auv,
+            cell=cell,
+            behind=behind,
+            legs=legs,
+            now_s=0.0,
+        )
+    )
+    for _, paths in itertools.groupby(paths_from(mission, cell), key=len):
+        same_length = list(paths)
+        tracks = np.array([path[::-1] for path in same_length]).transpose(2, 1, 0)
+        assert guaranteed.round_ticks_each(tracks).tolist() == [
+            guaranteed.offer(path).round_ticks if guaranteed.allows(path) else math.inf
+            for path in same_length
+        ]
+
+
+# --- the next sortie -----------------------------------------------------------------------------
+
+
+REFERENCE = MissionSpec(
+    grid=GridSpec(cols=10, rows=10, cell_m=10.0),
+    c3=Point(east_m=50.0, north_m=0.0),
+    radio_range_m=20.0,
+    uav_speed_mps=4.0,
+    tick_s=1.0,
+    sortie_limit_s=60.0,
+    path_cells=6,
+    min_path_cells=1,
+)
+REFERENCE_PATHS: tuple[Path, ...] = (((3, 7), (4, 7)), ((2, 9), (3, 9)), ((1, 2), (1, 1)))
+
+
+@settings(deadline=None)
+@given(missions(), st.data())
+def test_a_sortie_leaves_as_early_as_the_limit_and_the_first_deadline_allow(
+    start: tuple[MissionSpec, tuple[SurveyLeg, ...]], data: st.DataObject
+) -> None:
+    mission, legs = start
+    now_s = 100.0 * mission.tick_s
+    deadlines = data.draw(st.lists(st.integers(0, 300), min_size=len(legs), max_size=len(legs)))
+    legs = tuple(
+        replace(leg, surface_deadline_s=ticks * mission.tick_s)
+        for leg, ticks in zip(legs, deadlines, strict=True)
+    )
+    sortie = guaranteed_sortie(SortieRequest(mission=mission, legs=legs, now_s=now_s))
+    limit_s = mission.limit_ticks * mission.tick_s + 1e-9
+    assert sortie.worst_case_s == worst_case_s(mission, sortie.route, sortie.depart_s)
+    assert sortie.worst_case_s <= limit_s
+    assert sortie.depart_s >= now_s
+    if sortie.depart_s > now_s:
+        earlier_s = sortie.depart_s - mission.tick_s
+        first = sortie.route[0]
+        reached_s = earlier_s + mission.c3.distance_m(first.point) / mission.uav_speed_mps
+        too_long = worst_case_s(mission, sortie.route, earlier_s) > limit_s
+        assert too_long or reached_s < first.surface_deadline_s - mission.tick_s * 1e-6
+
+
+def test_an_initial_state_that_cannot_keep_the_limit_is_named() -> None:
+    legs = legs_of(REFERENCE_PATHS)
+    assert initial_problem(REFERENCE, legs) is None
+    assert initial_problem(replace(REFERENCE, sortie_limit_s=40.0), legs) == (
+        'to search the initial paths of all AUVs takes up to 45 s, the sortie limit is 40 s'
+    )
+    wide = replace(REFERENCE, radio_range_m=9.0)
+    assert 'cells are 10 m wide' in (initial_problem(wide, legs) or '')
+    with pytest.raises(ValueError, match='the sortie limit is 40 s'):
+        guaranteed_sortie(
+            SortieRequest(mission=replace(REFERENCE, sortie_limit_s=40.0), legs=legs, now_s=0.0)
+        )
+
+
+def order_of(request: SortieRequest) -> list[str]:
+    route = guaranteed_sortie(request).route
+    return list(dict.fromkeys(waypoint.auv for waypoint in route))
+
+
+def searched(legs: tuple[SurveyLeg, ...]) -> tuple[SurveyLeg, ...]:
+    route = guaranteed_sortie(SortieRequest(mission=REFERENCE, legs=legs, now_s=0.0)).route
+    return tuple(
+        replace(leg, search=tuple(each.point for each in route if each.auv == leg.auv))
+        for leg in legs
+    )
+
+
+def test_a_sortie_goes_to_all_in_visiting_order_and_first_to_those_not_reached() -> None:
+    request = SortieRequest(mission=REFERENCE, legs=searched(legs_of(REFERENCE_PATHS)), now_s=0.0)
+    assert order_of(request) == ['auv_1', 'auv_2', 'auv_3']
+    assert order_of(replace(request, overlooked=frozenset({'auv_3'})))[0] == 'auv_3'
+
+
+def test_where_not_all_can_be_visited_those_not_reached_come_before_those_astray() -> None:
+    legs = searched(legs_of(REFERENCE_PATHS))
+    tight = replace(REFERENCE, sortie_limit_s=30.0)  # a round to all takes 45 s
+    request = SortieRequest(mission=tight, legs=legs, now_s=0.0)
+    assert order_of(request) == ['auv_1']
+    astray = replace(request, legs=(replace(legs[0], prospect=Prospect.ASTRAY), *legs[1:]))
+    assert order_of(astray) == ['auv_3']
+    assert order_of(replace(request, overlooked=frozenset({'auv_3'}))) == ['auv_3']
+
+
+# --- the planner that chooses from it ------------------------------------------------------------
+
+
+def met_first(**changes: object) -> PlanRequest:
+    """Return the first meeting of the reference mission."""
+    request = PlanRequest(
+        mission=REFERENCE,
+        values=unexplored(REFERENCE),
+        auv='auv_1',
+        cell=(4, 7),
+        legs=searched(legs_of(REFERENCE_PATHS)),
+        now_s=14.0,
+    )
+    return replace(request, **changes)
+
+
+def test_robust_hands_over_a_full_path_with_its_search() -> None:
+    plan = RobustPlanner().plan_path(met_first())
+    assert plan.status is PlanStatus.OK
+    assert len(plan.path) == 7
+    assert plan.sortie_time_s <= 60.0
+    assert_clears(REFERENCE, plan.path[::-1], plan.search)
+
+
+def test_robust_keeps_the_tightest_limit_with_the_searches_that_were_promised() -> None:
+    plan = RobustPlanner().plan_path(met_first(mission=replace(REFERENCE, sortie_limit_s=45.0)))
+    assert plan.status is not PlanStatus.INFEASIBLE
+    assert plan.sortie_time_s <= 45.0
+
+
+@given(st.data())
+def test_robust_chooses_as_a_comparison_of_all_paths_would(data: st.DataObject) -> None:
+    values = np.exp2(-data.draw(arrays(np.float64, (10, 10), elements=st.integers(0, 3))))
+    limit_s = data.draw(st.sampled_from([45.0, 50.0, 60.0]))
+    tie_order = data.draw(st.sampled_from(every_tie_order()))
+    mission = replace(REFERENCE, sortie_limit_s=limit_s, path_cells=4)
+    request = met_first(mission=mission, values=values)
+    guaranteed = GuaranteedPaths(request)
+    new_cells = [(col, row) for row, col in np.argwhere(values == 1.0).tolist()]
+
+    def score(path: Path) -> float:
+        total = 0.0
+        for index, cell in enumerate(path[1:], start=1):
+            total += values[cell[1], cell[0]] * 0.5 ** path[:index].count(cell)
+        moves = [(b[0] - a[0], b[1] - a[1]) for a, b in itertools.pairwise(path)]
+        total -= 0.05 * sum(a != b for a, b in itertools.pairwise(moves))
+        total -= 3.0 * guaranteed.offer(path).round_ticks / limit_s
+        col, row = path[-1]
+        ways = [abs(col - other[0]) + abs(row - other[1]) for other in new_cells]
+        return total - 0.2 * min(ways, default=0)
+
+    table = walk_table(4, tie_order)
+    walks = [table.path(walk, request.cell) for walk in range(4**4)]
+    allowed = [
+        path
+        for path in walks
+        if all(mission.grid.contains(cell) for cell in path) and guaranteed.allows(path)
+    ]
+    plan = RobustPlanner(tie_order=tie_order).plan_path(request)
+    if not allowed:
+        assert plan.path == guaranteed.stay.path
+    else:
+        best = max(score(path) for path in allowed)
+        assert plan.path == next(path for path in allowed if score(path) >= best - 1e-7)
+
+
+def test_with_the_fleet_out_of_reach_an_auv_stays_near_and_is_said_to() -> None:
+    beyond = replace(REFERENCE, sortie_limit_s=35.0)
+    plan = RobustPlanner().plan_path(met_first(mission=beyond))
+    stay = GuaranteedPaths(met_first(mission=beyond)).stay
+    assert plan.status is PlanStatus.INFEASIBLE
+    assert 35.0 < plan.sortie_time_s <= stay.round_ticks
+
+
+def test_an_auv_astray_takes_no_room_from_the_others() -> None:
+    request = met_first()
+    first, *others = request.legs
+    legs = (first, *(replace(leg, prospect=Prospect.ASTRAY) for leg in others))
+    alone = GuaranteedPaths(replace(request, legs=legs))
+    assert alone.others_ticks == 0
+    assert alone.stay.round_ticks < GuaranteedPaths(request).stay.round_ticks
+
+
+def test_an_auv_without_a_leg_is_refused() -> None:
+    with pytest.raises(ValueError, match='auv_9 has no leg'):
+        GuaranteedPaths(met_first(auv='auv_9'))
