@@ -21,6 +21,7 @@ from rich.table import Table
 
 from c3_station.bag import BagReader
 from c3_station.bare_barrier_node import bare_ticks_per_s
+from c3_station.bench_guarantee import print_refusals
 from c3_station.bench_ties import print_ties
 from c3_station.exit_codes import ExitCode
 from c3_station.flight import Flight
@@ -30,7 +31,7 @@ from c3_station.node_params import UAV
 from c3_station.ros_flight import fly_on_ros
 from c3_station.run_folder import new_run_folder
 from c3_station.scenario import Scenario
-from c3_station.scenario_files import load_scenario
+from c3_station.scenario_files import load_scenario, with_choices
 from msgs_json.agent_shell import Frame
 from msgs_json.topics import CLOCK
 from uav_planner.planners.ecc2009 import Ecc2009Planner
@@ -244,7 +245,13 @@ def _best_of(
 
 
 def _ties(console: Console) -> Iterator[Figure]:
-    print_ties(load_scenario('ecc2009'), console)
+    for planner in ('ecc2009', 'robust'):
+        print_ties(with_choices(load_scenario('ecc2009'), planner=planner), console)
+    yield from ()
+
+
+def _guarantee(console: Console) -> Iterator[Figure]:
+    print_refusals(console)
     yield from ()
 
 
@@ -253,5 +260,6 @@ BENCHMARKS: Mapping[str, Callable[[Console], Iterator[Figure]]] = {
     'lockstep': _lockstep,
     'planning': _planning,
     'ties': _ties,
+    'guarantee': _guarantee,
 }
-_ON_REQUEST = frozenset({'ties'})
+_ON_REQUEST = frozenset({'ties', 'guarantee'})

@@ -15,9 +15,10 @@ from uav_planner.candidate_paths import every_tie_order
 
 
 def print_ties(scenario: Scenario, console: Console) -> None:
-    """Fly a scenario of planner ecc2009 once per tie order and print every mission."""
+    """Fly a scenario once per tie order of its planner and print every mission."""
     table = Table(
-        title=f'{scenario.name} over all tie orders (ECC 2009 does not say which it used)',
+        title=f'{scenario.name}, planner {scenario.planner.name}, over all tie orders'
+        ' (ECC 2009 does not say which it used)',
         title_justify='left',
         box=None,
         padding=(0, 3, 0, 0),
