@@ -273,15 +273,15 @@ def test_where_cells_are_wider_than_the_radio_range_that_does_not_hold() -> None
 def test_many_searches_laid_at_once_are_those_laid_one_by_one(
     mission: MissionSpec, many: list[list[Cell]], data: st.DataObject
 ) -> None:
-    origin = point_near(mission, data)
-    searches = lay_each_search(mission, origin, np.array(many).transpose(2, 1, 0))
-    for number, track in enumerate(many):
+    origins = [point_near(mission, data) for _ in range(data.draw(st.integers(1, 3)))]
+    searches = lay_each_search(mission, origins, np.array(many).transpose(2, 1, 0))
+    for (place, origin), (number, track) in itertools.product(enumerate(origins), enumerate(many)):
         alone = lay_search(mission, origin, track)
         ticks = sum(hop_ticks(mission, *hop) for hop in itertools.pairwise(alone))
-        assert searches.ticks[number] == ticks
+        assert searches.ticks[place, number] == ticks
         for laid_m, point in ((searches.first_m, alone[0]), (searches.last_m, alone[-1])):
-            laid = Point(east_m=laid_m[number].real, north_m=laid_m[number].imag)
-            assert laid.distance_m(point) < 1e-6
+            laid = laid_m[place, number]
+            assert Point(east_m=laid.real, north_m=laid.imag).distance_m(point) < 1e-6
 
 
 def test_no_legs_no_sortie() -> None:

@@ -86,6 +86,12 @@ class GuaranteedPaths:
         self._before = _reach(mission, ((leg, leg.search) for leg in legs[:turn]))
         self._after = _reach(mission, ((leg, leg.search[::-1]) for leg in legs[:turn:-1]))
         self._handover_ticks = len(legs) * mission.handover_ticks
+        self._origins = tuple(dict.fromkeys((*self._before.points, *self._after.points)))
+        """
+        From where the search of a path is laid for a try, in both directions.
+
+        One laid from where the round goes on serves it as well, flown backwards.
+        """
         self.others_ticks = self._before.ticks_to(self._after) + (
             self._handover_ticks - mission.handover_ticks
         )
@@ -117,33 +123,23 @@ class GuaranteedPaths:
             last = np.empty((2, 1, tracks.shape[2]), dtype=tracks.dtype)
             last[:] = np.array(self._behind).reshape(2, 1, 1)
             tracks = np.concatenate([tracks, last], axis=1)
-        ticks = np.full(tracks.shape[2], np.inf)
-        for origin, is_reversed in self._ways():
-            order = slice(None, None, -1) if is_reversed else slice(None)
-            searches = lay_each_search(self._mission, origin, tracks[:, order])
-            np.minimum(ticks, self._round_ticks_each(searches), out=ticks)
+        both_ways = np.concatenate([tracks, tracks[:, ::-1]], axis=2)
+        searches = lay_each_search(self._mission, self._origins, both_ways)
+        each_way = self._round_ticks_each(searches).reshape(2 * len(self._origins), -1)
+        ticks: NDArray[np.float64] = each_way.min(axis=0)
         return ticks
 
     def offer(self, path: Path) -> Offer:
         """Return a path with the shortest search found for it; it need not be allowed."""
         track = track_of(path, self._behind)
         searches = (
-            lay_search(self._mission, origin, reversed(track) if is_reversed else track)
-            for origin, is_reversed in self._ways()
+            lay_search(self._mission, origin, order)
+            for order in (track, track[::-1])
+            for origin in self._origins
         )
         return min(
             (self._offer(path, search) for search in searches), key=lambda each: each.round_ticks
         )
-
-    def _ways(self) -> Iterable[tuple[Point, bool]]:
-        """
-        Yield from where, and in which direction, a path's search is laid for a try.
-
-        A search laid from where the round goes on serves it as well, flown backwards.
-        """
-        for point in dict.fromkeys((*self._before.points, *self._after.points)):
-            yield point, False
-            yield point, True
 
     def _stay(self, request: PlanRequest, leg: SurveyLeg) -> Offer:
         moves = self._mission.min_path_cells
@@ -261,10 +257,10 @@ class _Reach:
         )
 
     def ticks_to_each(self, points_m: NDArray[np.complex128]) -> NDArray[np.float64]:
-        """Return `ticks_to_point` of many points, east + i north."""
+        """Return `ticks_to_point` of many points, east + i north, in their shape."""
         here_m = np.array([complex(point.east_m, point.north_m) for point in self.points])
-        hops = ticks_between_each(self.mission, here_m[:, np.newaxis], points_m)
-        ticks: NDArray[np.float64] = (hops + np.array(self.ticks)[:, np.newaxis]).max(axis=0)
+        hops = ticks_between_each(self.mission, here_m, points_m[..., np.newaxis])
+        ticks: NDArray[np.float64] = (hops + self.ticks).max(axis=-1)
         return ticks
 
 

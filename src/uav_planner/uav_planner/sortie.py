@@ -19,7 +19,7 @@ import numpy as np
 from msgs_json.geometry import TOLERANCE, Cell, Point, whole_ticks
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator
+    from collections.abc import Iterable, Iterator, Sequence
 
     from numpy.typing import NDArray
 
@@ -212,7 +212,7 @@ def home_ticks_of_tracks(
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Searches:
-    """Many searches as `lay_search` lays them; arrays of shape (searches,)."""
+    """Many searches as `lay_search` lays them; arrays of shape (origins, tracks)."""
 
     first_m: NDArray[np.complex128]
     """The first waypoint of each, east + i north."""
@@ -221,7 +221,9 @@ class Searches:
     last_m: NDArray[np.complex128]
 
 
-def lay_each_search(mission: MissionSpec, origin: Point, tracks: NDArray[np.intp]) -> Searches:
+def lay_each_search(
+    mission: MissionSpec, origins: Sequence[Point], tracks: NDArray[np.intp]
+) -> Searches:
     """
     Return `lay_search` of many tracks at once, as far as it matters for a round's length.
 
@@ -229,15 +231,17 @@ def lay_each_search(mission: MissionSpec, origin: Point, tracks: NDArray[np.intp
     ----------
     mission
         Grid, radio range and speed.
-    origin
-        Where the UAV comes from.
+    origins
+        Where the UAV may come from.
     tracks
         Shape (2, cells, tracks): columns and rows of the cells to clear one after another.
 
     """
     first_centre_m, *centres_m = _centres_m(mission, tracks)
-    at_m = np.full(tracks.shape[2], _east_north_m(origin))
-    ticks = np.zeros(tracks.shape[2])
+    shape = (len(origins), tracks.shape[2])
+    at_m = np.empty(shape, dtype=np.complex128)
+    at_m.T[:] = [_east_north_m(origin) for origin in origins]
+    ticks = np.zeros(shape)
     _clear_each(mission, at_m, ticks, first_centre_m)
     first_m = at_m.copy()
     ticks[:] = 0.0
@@ -266,14 +270,14 @@ def _clear_each(
     ticks: NDArray[np.float64],
     centre_m: NDArray[np.complex128] | complex,
 ) -> None:
-    """Clear one more cell from each of many places; changes both arrays."""
+    """Clear one more cell from each of many places; changes both arrays, of the same shape."""
     range_m = mission.radio_range_m
     edge_m = range_m * (1.0 + TOLERANCE)  # of `within_range`
     step_m = mission.step_m
     way_m = centre_m - at_m
     distance_m = np.abs(way_m)
-    (far,) = (distance_m > edge_m).nonzero()
-    if far.size == 0:
+    far = (distance_m > edge_m).nonzero()
+    if far[0].size == 0:
         return
     distance_m = distance_m[far]
     more = _whole_ticks_of_each((distance_m - range_m) / step_m)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -16,6 +17,8 @@ from uav_planner.guarantee import GuaranteedPaths, guaranteed_sortie
 from uav_planner.planning import PlanResult, PlanStatus
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
     from numpy.typing import NDArray
 
     from msgs_json.geometry import Cell
@@ -37,8 +40,8 @@ What each cell between a path's end and the nearest unexplored one takes off its
 Less than a cell visited twice is worth, so that it decides only where little is left nearby.
 """
 
-BLOCK = 512
-"""So many paths are looked at at once: with fewer more calls, with more most are in vain."""
+BLOCKS = (64, 256, 1024)
+"""So many paths are looked at at once, best first: often a few are enough."""
 
 
 class RobustPlanner:
@@ -116,8 +119,7 @@ def _best_path(
     scores = _scores(request, table) - cost_per_tick * guaranteed.others_ticks
     walks = np.argsort(-scores, kind='stable')[: np.count_nonzero(scores > -np.inf)]
     best, best_score = None, -np.inf
-    for first in range(0, walks.size, BLOCK):
-        block = walks[first : first + BLOCK]
+    for block in _blocks(walks):
         if scores[block[0]] <= best_score + TIE_MARGIN:
             break
         ticks = guaranteed.round_ticks_each(table.tracks(block, request.cell))
@@ -131,6 +133,16 @@ def _best_path(
             ties = full_scores >= best_score - TIE_MARGIN
             best = int(block[allowed][ties].min())  # the first in tie order
     return None if best is None else table.path(best, request.cell)
+
+
+def _blocks(walks: NDArray[np.intp]) -> Iterator[NDArray[np.intp]]:
+    """Yield the walks in blocks, the last size again and again."""
+    first = 0
+    for size in itertools.chain(BLOCKS, itertools.repeat(BLOCKS[-1])):
+        if first >= walks.size:
+            return
+        yield walks[first : first + size]
+        first += size
 
 
 def _scores(request: PlanRequest, table: WalkTable) -> NDArray[np.float64]:
