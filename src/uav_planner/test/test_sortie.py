@@ -433,7 +433,6 @@ def test_a_search_begins_when_foreseen_or_earlier(
         assert searched_s <= latest_s[auv] + 1e-6
 
 
-@pytest.mark.xfail(reason='at a leg with one waypoint its own hand-over is counted in, too')
 def test_hand_overs_before_a_search_delay_it() -> None:
     mission = replace(REFERENCE, handover_s=5.0)
     route = lay_route(mission, FIRST_LEGS)

@@ -105,34 +105,34 @@ def worst_case_s(
     leg's others that time has passed. Every hand-over takes `handover_s`. A contact only skips
     waypoints, which never makes a sortie longer (Theorem 2).
     """
-    start = start or mission.c3
-    *_, (last, ticks) = ((start, 0), *_schedule(mission, route, depart_s, start))
-    return (ticks + hop_ticks(mission, last, mission.c3)) * mission.tick_s
+    ticks, here = 0, start or mission.c3
+    for begun_ticks, waypoint in _schedule(mission, route, depart_s, here):
+        ticks, here = begun_ticks, waypoint.point
+    if route:
+        ticks += mission.handover_ticks  # with the last AUV
+    return (ticks + hop_ticks(mission, here, mission.c3)) * mission.tick_s
 
 
 def search_times_s(mission: MissionSpec, route: Route, depart_s: float) -> dict[str, float]:
     """Return when at the latest the UAV begins to search each AUV of a route, by name."""
     times_s: dict[str, float] = {}
-    for waypoint, (_, ticks) in zip(
-        route, _schedule(mission, route, depart_s, mission.c3), strict=True
-    ):
+    for ticks, waypoint in _schedule(mission, route, depart_s, mission.c3):
         times_s.setdefault(waypoint.auv, depart_s + ticks * mission.tick_s)
     return times_s
 
 
 def _schedule(
     mission: MissionSpec, route: Route, depart_s: float, start: Point
-) -> Iterator[tuple[Point, int]]:
-    """Yield each waypoint's point with the ticks after which the UAV is done there at worst."""
-    ticks = 0
-    here = start
-    for waypoint, following in itertools.zip_longest(route, route[1:]):
+) -> Iterator[tuple[int, Waypoint]]:
+    """Yield after how many ticks, waits included, each waypoint has been of use at worst."""
+    ticks, here, auv = 0, start, None
+    for waypoint in route:
+        if auv not in (None, waypoint.auv):
+            ticks += mission.handover_ticks
         deadline_ticks = whole_ticks((waypoint.surface_deadline_s - depart_s) / mission.tick_s)
         ticks = max(ticks + hop_ticks(mission, here, waypoint.point), deadline_ticks)
-        here = waypoint.point
-        if following is None or following.auv != waypoint.auv:
-            ticks += mission.handover_ticks
-        yield here, ticks
+        here, auv = waypoint.point, waypoint.auv
+        yield ticks, waypoint
 
 
 def punctual_departure_s(mission: MissionSpec, route: Route, now_s: float) -> float:
