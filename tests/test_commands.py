@@ -157,7 +157,9 @@ def test_rate_is_checked(capsys: pytest.CaptureFixture[str]) -> None:
     assert 'warp' in capsys.readouterr().err
 
 
-@pytest.mark.parametrize('command', ['run', 'report', 'recover', 'bench', 'check', 'list'])
+@pytest.mark.parametrize(
+    'command', ['run', 'campaign', 'report', 'recover', 'bench', 'check', 'generate', 'list']
+)
 def test_every_command_has_help_with_an_example(
     command: str, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -87,7 +87,7 @@ ROSDEP_KEYS = {
 }
 """How ``package.xml`` names what is not a ROS package."""
 
-WITHOUT_ROSDEP_KEY = {'mcap', 'mcap_ros2', 'msgspec'}
+WITHOUT_ROSDEP_KEY = {'distributed', 'mcap', 'mcap_ros2', 'msgspec'}
 
 ROS_TYPE = re.compile(r'([a-z][a-z0-9_]*)/(?:msg|srv)/[A-Z]\w*')
 

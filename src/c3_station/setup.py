@@ -15,7 +15,7 @@ setup(
     ],
     python_requires='>=3.11',
     install_requires=['setuptools'],
-    extras_require={'test': ['hypothesis', 'pytest']},
+    extras_require={'dask': ['distributed'], 'test': ['hypothesis', 'pytest']},
     zip_safe=False,
     maintainer='Shearwater developers',
     maintainer_email='shearwater@example.org',

@@ -21,6 +21,7 @@ from rich.table import Table
 
 from c3_station.bag import BagReader
 from c3_station.bare_barrier_node import bare_ticks_per_s
+from c3_station.bench_campaign import missions_per_s
 from c3_station.bench_guarantee import print_refusals
 from c3_station.bench_ties import print_ties
 from c3_station.exit_codes import ExitCode
@@ -244,6 +245,18 @@ def _best_of(
     return result, min(times_s)
 
 
+def _campaign(console: Console) -> Iterator[Figure]:
+    one, two = missions_per_s(jobs=1), missions_per_s(jobs=2)
+    yield Figure(what='missions of a campaign per second, one process', value=_number(one))
+    yield Figure(
+        what='two processes (10,000 missions in 20 minutes are 8.3)',
+        value=_number(two),
+        aim='>= 8.3',
+        met=two >= 10_000 / 1200,
+    )
+    yield Figure(what='two processes over one', value=_number(two / one))
+
+
 def _ties(console: Console) -> Iterator[Figure]:
     for planner in ('ecc2009', 'robust'):
         print_ties(with_choices(load_scenario('ecc2009'), planner=planner), console)
@@ -259,6 +272,7 @@ BENCHMARKS: Mapping[str, Callable[[Console], Iterator[Figure]]] = {
     'mission': _mission_speed,
     'lockstep': _lockstep,
     'planning': _planning,
+    'campaign': _campaign,
     'ties': _ties,
     'guarantee': _guarantee,
 }

@@ -7,11 +7,15 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from rich.console import Console
 
 from c3_station.exit_codes import ExitCode
 from c3_station.program import PROGRAM
+
+if TYPE_CHECKING:
+    from c3_station.scenario_generator import Span
 
 _DEFAULT_SCENARIO = 'ecc2009'
 _DEFAULT_RATE = 30.0
@@ -132,6 +136,101 @@ def _run(options: argparse.Namespace, console: Console) -> ExitCode:
     )
 
 
+# --- campaign ------------------------------------------------------------------------------------
+
+_DEFAULT_MISSIONS = 100
+
+
+def _count(text: str) -> int:
+    try:
+        count = int(text)
+    except ValueError:
+        count = 0
+    if not 1 <= count <= 1_000_000:
+        raise argparse.ArgumentTypeError(f'must be a whole number 1 ... 1,000,000, is {text!r}')
+    return count
+
+
+def _campaign_options(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument('scenarios', nargs='*', metavar='SCENARIO', help='shipped or a file')
+    parser.add_argument(
+        '--missions',
+        type=_count,
+        help=f'missions for each scenario, variation and planner (default {_DEFAULT_MISSIONS})',
+    )
+    parser.add_argument('--planner', metavar='A,B', help="default: the scenario's planner")
+    parser.add_argument(
+        '--vary',
+        action='extend',
+        nargs='+',
+        metavar='KEY=V1,V2',
+        help='change the scenario, once for each value; all keys with all others,'
+        ' such as surfacing=early_10,slow,mixed sortie.limit_s=50,60',
+    )
+    parser.add_argument(
+        '--seed', type=int, metavar='FIRST', help='seed of the first mission (default 0)'
+    )
+    parser.add_argument('--jobs', type=_count, help='processes that fly (default: one per core)')
+    parser.add_argument(
+        '--dask', metavar='ADDRESS', help='fly on a Dask cluster instead, such as tcp://host:8786'
+    )
+    parser.add_argument(
+        '--out', type=Path, metavar='DIR', help='folder, new or of the same campaign broken off'
+    )
+    parser.add_argument(
+        '--fail-on-violation',
+        action='store_true',
+        help='exit with 1 if a sortie was over its limit, an AUV missed or a sample lost, too',
+    )
+    known = parser.add_mutually_exclusive_group()
+    known.add_argument('--resume', type=Path, metavar='DIR', help='fly what is left of a campaign')
+    known.add_argument(
+        '--report', type=Path, metavar='DIR', help='tell and report what is flown so far'
+    )
+    known.add_argument(
+        '--mission',
+        nargs=2,
+        metavar=('DIR', 'NUMBER'),
+        help='print how one of its missions is flown again',
+    )
+
+
+def _campaign(options: argparse.Namespace, console: Console) -> ExitCode:
+    from c3_station import campaign_command
+    from c3_station.campaign_plan import plan_campaign
+    from c3_station.scenario_changes import read_variants
+
+    asked = {
+        name: getattr(options, name)
+        for name in ('scenarios', 'missions', 'planner', 'vary', 'seed', 'out')
+    }
+    given = [name for name, value in asked.items() if value not in (None, [])]
+    if given and (options.resume or options.report or options.mission):
+        raise ValueError(
+            f'campaign: {", ".join(given)} cannot be chosen for a campaign that there is already'
+        )
+    if options.jobs and options.dask:
+        raise ValueError('campaign: --jobs and --dask exclude each other')
+    flying = campaign_command.FlyingOptions(
+        jobs=options.jobs, dask=options.dask, fail_on_violation=options.fail_on_violation
+    )
+    if options.mission:
+        folder, number = options.mission
+        return campaign_command.show_mission(Path(folder), number, console)
+    if options.report:
+        return campaign_command.report_campaign(options.report, flying, console)
+    if options.resume:
+        return campaign_command.resume_campaign(options.resume, flying, console)
+    campaign = plan_campaign(
+        scenarios=options.scenarios,
+        planners=options.planner.split(',') if options.planner else (),
+        variations=[read_variants(text) for text in options.vary or ()],
+        first_seed=options.seed or 0,
+        seeds=options.missions or _DEFAULT_MISSIONS,
+    )
+    return campaign_command.new_campaign(campaign, options.out, flying, console)
+
+
 # --- bags ----------------------------------------------------------------------------------------
 
 
@@ -192,6 +291,60 @@ def _check(options: argparse.Namespace, console: Console) -> ExitCode:
     return ExitCode.OK
 
 
+def _generate_options(parser: argparse.ArgumentParser) -> None:
+    from c3_station.scenario_generator import MODELS, QUANTITIES, USUAL_MODELS
+
+    parser.add_argument('--seed', type=int, required=True, help='of the first scenario')
+    parser.add_argument(
+        '--count', type=_count, default=1, help='how many scenarios, with seeds that follow'
+    )
+    parser.add_argument(
+        '--out',
+        type=Path,
+        default=Path(),
+        help='a file to write, or a folder for generated_SEED.yaml (default: this one)',
+    )
+    parser.add_argument('--force', action='store_true', help='replace files')
+    for name, quantity in QUANTITIES.items():
+        usual = f' (default {quantity.usual})' if quantity.usual else ''
+        parser.add_argument(
+            f'--{name}', type=_span, metavar='A-B', help=f'{quantity.meaning}{usual}'
+        )
+    parser.add_argument(
+        '--models',
+        metavar='A,B',
+        default=','.join(USUAL_MODELS),
+        help=f'surfacing models, any of {", ".join(MODELS)} (default %(default)s)',
+    )
+
+
+def _span(text: str) -> Span:
+    from c3_station.scenario_generator import read_span
+
+    try:
+        return read_span(text)
+    except ValueError as error:
+        raise argparse.ArgumentTypeError(str(error)) from None
+
+
+def _generate(options: argparse.Namespace, console: Console) -> ExitCode:
+    from c3_station.generate_command import GenerateOptions, generate
+    from c3_station.scenario_generator import QUANTITIES
+
+    asked = {name: getattr(options, name.replace('-', '_')) for name in QUANTITIES}
+    return generate(
+        GenerateOptions(
+            seed=options.seed,
+            count=options.count,
+            asked={name: span for name, span in asked.items() if span is not None},
+            models=options.models.split(','),
+            out=options.out,
+            force=options.force,
+        ),
+        console,
+    )
+
+
 def _list_options(parser: argparse.ArgumentParser) -> None:
     del parser  # no options
 
@@ -225,6 +378,12 @@ def _bench(options: argparse.Namespace, console: Console) -> ExitCode:
 
 _COMMANDS = {
     'run': _Command('fly a mission', 'run ecc2009 --rate max', _run_options, _run),
+    'campaign': _Command(
+        'fly many missions, over seeds and variations of scenarios, and compare planners',
+        'campaign ecc2009 --missions 200 --vary surfacing=early_10,slow,mixed',
+        _campaign_options,
+        _campaign,
+    ),
     'report': _Command(
         "rebuild a mission's summary, figures and report from its bag",
         'report runs/ecc2009/bag',
@@ -239,5 +398,11 @@ _COMMANDS = {
     ),
     'bench': _Command('measure this machine, as ratios', 'bench', _bench_options, _bench),
     'check': _Command('check a scenario file', 'check my_bay.yaml', _check_options, _check),
+    'generate': _Command(
+        'draw random scenarios that can be flown',
+        'generate --seed 7 --cols 5-12 --rows 5-12 --auvs 2-4 --out drawn.yaml',
+        _generate_options,
+        _generate,
+    ),
     'list': _Command('list scenarios, planners and drivers', 'list', _list_options, _list),
 }

@@ -28,5 +28,5 @@ def code_digest() -> str:
     for package in _PACKAGES:
         for folder in package.__path__:
             for file in sorted(Path(folder).rglob('*.py')):
-                digest.update(file.read_bytes())
+                digest.update(f'{file.relative_to(folder)}\0'.encode() + file.read_bytes())
     return digest.hexdigest()[:12]

@@ -1,0 +1,170 @@
+"""One mission of a campaign: flown in this process, without a bag, and boiled down to a row."""
+
+from __future__ import annotations
+
+import enum
+import traceback
+from time import perf_counter
+from typing import TYPE_CHECKING
+
+import msgspec
+
+from auv_sim.surfacing import Lost, Silent, surfacing_model
+from c3_station.in_process import fly
+from c3_station.summary import Summarizer
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from c3_station.campaign_plan import MissionJob
+    from c3_station.scenario import Scenario
+    from c3_station.summary import Summary
+
+
+class MissionExit(enum.Enum):
+    """How a mission ended."""
+
+    COMPLETE = 'complete'
+    """C3 called it complete."""
+    STOPPED = 'stopped'
+    """It came to its hard stop."""
+    ERROR = 'error'
+    """The software failed; the figures are those up to then."""
+
+
+class SortieTimes(msgspec.Struct, frozen=True, array_like=True):
+    """What a sortie took, seconds."""
+
+    duration_s: float | None
+    """None where the mission ended before the UAV was back."""
+    worst_case_s: float
+    limit_s: float
+
+
+class MissionResult(msgspec.Struct, frozen=True, kw_only=True):
+    """What a mission came to; None where it has no such figure. See `c3_station.summary`."""
+
+    number: int
+    """Its number in the campaign."""
+    exit: MissionExit
+    reason: str | None
+    """Why it did not end complete."""
+    explored_s: float | None
+    delivered_s: float | None
+    mission_s: float | None
+    lower_bound_s: float | None
+    neglect_fraction: float | None
+    c3_wait_s: float | None
+    data_age_max_s: float | None
+    sorties_total: int
+    violations: int
+    """Sorties over their limit."""
+    longest_sortie_s: float | None
+    bound_ratio_max: float | None
+    """The largest realised sortie time over its worst case."""
+    missed: int
+    """Searches to the end of AUVs that were on their path, and did answer, yet were not heard."""
+    searches_broken_off: int
+    auvs_lost: int
+    samples_collected: int
+    samples_delivered: int
+    samples_lost: int | None
+    """Those of AUVs that are not lost."""
+    moves_total: int
+    revisits: int
+    sortie_times: tuple[SortieTimes, ...]
+    wall_s: float
+    """How long it took to fly, seconds of wall time."""
+
+    @property
+    def stands_out(self) -> bool:
+        """Return whether a person should have a look: it did not keep what was promised."""
+        return bool(
+            self.exit is not MissionExit.COMPLETE
+            or self.violations
+            or self.missed
+            or self.samples_lost
+        )
+
+
+def fly_missions(jobs: Sequence[MissionJob]) -> list[MissionResult]:
+    """Fly missions one after another; this is what a worker does."""
+    return [fly_mission(job) for job in jobs]
+
+
+def fly_mission(job: MissionJob) -> MissionResult:
+    """Fly one mission; whatever goes wrong in it is a result."""
+    scenario = job.scenario
+    summarizer = Summarizer()
+    failure = None
+    began_s = perf_counter()
+    try:
+        fly(scenario, summarizer.frame)
+    except Exception as error:
+        # A campaign looks for failures, those of our own code too.
+        failure = _text(error)
+    wall_s = perf_counter() - began_s
+    return _result(job.number, scenario, summarizer.summary(), failure, wall_s)
+
+
+def crashed(job: MissionJob, reason: str) -> MissionResult:
+    """Return the result of a mission that took its whole process down."""
+    return _result(job.number, job.scenario, Summarizer().summary(), reason, wall_s=0.0)
+
+
+def _result(
+    number: int, scenario: Scenario, summary: Summary, failure: str | None, wall_s: float
+) -> MissionResult:
+    if failure is not None:
+        ended = MissionExit.ERROR
+    else:
+        ended = MissionExit.COMPLETE if summary.complete else MissionExit.STOPPED
+    silent = _silent_auvs(scenario)
+    return MissionResult(
+        number=number,
+        exit=ended,
+        reason=failure or summary.stopped,
+        explored_s=summary.explored_s,
+        delivered_s=summary.delivered_s,
+        mission_s=summary.mission_s,
+        lower_bound_s=summary.lower_bound_s,
+        neglect_fraction=summary.neglect_fraction,
+        c3_wait_s=summary.c3_wait_s,
+        data_age_max_s=summary.data_age_max_s,
+        sorties_total=len(summary.sorties),
+        violations=summary.sortie_limit_violations,
+        longest_sortie_s=max(
+            (each.duration_s for each in summary.sorties if each.duration_s is not None),
+            default=None,
+        ),
+        bound_ratio_max=summary.bound_ratio_max,
+        missed=sum(auv not in silent for sortie in summary.sorties for auv in sortie.missed),
+        searches_broken_off=summary.searches_broken_off,
+        auvs_lost=len(summary.lost),
+        samples_collected=summary.samples_collected,
+        samples_delivered=summary.samples_delivered,
+        samples_lost=summary.samples_lost,
+        moves_total=summary.moves_total,
+        revisits=summary.revisits,
+        sortie_times=tuple(
+            SortieTimes(each.duration_s, each.worst_case_s, each.limit_s)
+            for each in summary.sorties
+        ),
+        wall_s=wall_s,
+    )
+
+
+def _silent_auvs(scenario: Scenario) -> set[str]:
+    """Return the AUVs that nobody can be expected to hear."""
+    models = {
+        auv.name: surfacing_model(msgspec.json.encode(auv.surfacing).decode())
+        for auv in scenario.auvs
+    }
+    return {name for name, model in models.items() if isinstance(model, Lost | Silent)}
+
+
+def _text(error: Exception) -> str:
+    """Return what failed and where, in one line."""
+    where = traceback.extract_tb(error.__traceback__)[-1]
+    text = ' '.join(str(error).split())
+    return f'{type(error).__name__}: {text} ({where.name}, line {where.lineno})'
