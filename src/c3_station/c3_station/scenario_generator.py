@@ -91,7 +91,7 @@ class Quantity:
     meaning: str
     allowed: Span
     usual: Span | None = None
-    """Where it lies if nobody asks; None where that follows from others."""
+    """Where it lies unless asked for; None where that follows from others."""
     is_whole: bool = False
 
 
@@ -115,7 +115,7 @@ QUANTITIES: Mapping[str, Quantity] = MappingProxyType(
             usual=Span(least=5, most=50),
         ),
         'range': Quantity(
-            meaning='radio range R, metres, at least a cell',
+            meaning='radio range R, metres; 1 to 4 cells unless asked for',
             allowed=Span(least=0.1, most=1e5),
         ),
         'auvs': Quantity(
@@ -137,11 +137,11 @@ QUANTITIES: Mapping[str, Quantity] = MappingProxyType(
             is_whole=True,
         ),
         'tick': Quantity(
-            meaning='length of a tick, seconds',
+            meaning='length of a tick, seconds; 2 to 12 of them for a cell unless asked for',
             allowed=Span(least=0.001, most=3600),
         ),
         'limit': Quantity(
-            meaning='sortie limit L, seconds, at least what the mission needs',
+            meaning='sortie limit L, seconds; 1 to 2 times the least unless asked for',
             allowed=Span(least=0.001, most=1e6),
         ),
     }
