@@ -229,9 +229,10 @@ def test_cells_that_were_not_reached_are_worth_going_to_again() -> None:
     early = report('auv_1', outcome=LegOutcome.EARLY, moves_done=0, cell=(1, 0), samples=())
     bench.hear('auv_1', early)
     assert planner.requests[0].cell == (1, 0)
-    # Not reached, and assigned again with the new path only after the planner has answered.
-    assert planner.requests[0].values[0, 2] == 0.5
+    assert planner.requests[0].values[0, 2] == 1.0
     assert planner.requests[0].values[0, 1] == 0.5
+    bench.meet('auv_2')
+    assert planner.requests[1].values[0, 2] == 0.5  # assigned again
 
 
 def test_a_met_auv_is_not_met_again_in_the_same_sortie() -> None:
@@ -313,6 +314,13 @@ def test_an_auv_that_speaks_of_its_next_leg_has_taken_it() -> None:
     here = bench.position()
     assert bench.hear('auv_1', report('auv_1', 1)) == []  # it came up again early
     assert bench.position() != here
+
+
+def test_a_report_of_a_leg_that_it_was_never_given_ends_no_hand_over() -> None:
+    bench = Bench().ordered()
+    bench.meet('auv_1', acknowledges=False)
+    bench.hear('auv_1', report('auv_1', 3))
+    assert said(bench.hear('auv_1', report('auv_1', 0)), 'auv_1') != []
 
 
 def test_a_late_copy_of_an_older_report_is_not_answered() -> None:
@@ -435,18 +443,39 @@ def test_a_sortie_that_meets_nobody_takes_as_long_as_the_worst_case_says() -> No
     assert returned.duration_s == departed.worst_case_s  # type: ignore[attr-defined]
 
 
+@pytest.mark.parametrize('is_heard', [True, False])
+def test_a_sortie_that_ends_at_c3_with_its_last_search_takes_no_step_more(is_heard: bool) -> None:
+    """Both cells of the leg are in range from C3: there is nowhere to fly."""
+    bench = Bench()
+    bench.tick()
+    near = auv_order('auv_1', ((0, 0), (1, 0)))
+    bench.hear('c3', order(auvs=(near,), radio_range_m=20.0))
+    output = bench.tick(10)
+    if is_heard:
+        output += bench.meet('auv_1', moves_done=1, cell=(1, 0), samples=())
+    output += bench.tick()
+    (departed,) = of(SortieDeparted, events(output))
+    assert departed.worst_case_s == 0.0  # type: ignore[attr-defined]
+    assert of(SortieReturned, events(output)) == [SortieReturned(sortie=1, duration_s=0.0)]
+    assert len(of(Missed, events(output))) == (not is_heard)
+
+
 # --- delivery ------------------------------------------------------------------------------------
 
 
 def test_back_at_c3_it_reports_everything_until_that_is_acknowledged() -> None:
     bench = Bench().ordered()
+    bench.until(SortieDeparted)
+    departed_s = bench.now_s - 1.0
+    bench.tick(3)
+    met_s = bench.now_s
     bench.meet('auv_1')
     bench.meet('auv_2')
     (found,) = reports_after(bench, acknowledges=False)
-    assert (found.sortie, found.departed_s, found.returned_s) == (1, 0.0, bench.now_s)
+    assert (found.sortie, found.departed_s, found.returned_s) == (1, departed_s, bench.now_s)
     assert [(m.auv, m.time_s, m.cell, m.ended_leg_id) for m in found.meetings] == [
-        ('auv_1', 0.0, (2, 0), 0),
-        ('auv_2', 0.0, (5, 0), 0),
+        ('auv_1', met_s, (2, 0), 0),
+        ('auv_2', met_s, (5, 0), 0),
     ]
     assert [meeting.next_leg and meeting.next_leg.leg_id for meeting in found.meetings] == [1, 1]
     assert found.samples == tuple(

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import msgspec
+import pytest
 
 from msgs_json.agent import Log, Output, Publish, Refuse, Transmit
 from msgs_json.codec import Refusal
-from msgs_json.drivers import NoPorts, UavDriverSetup
+from msgs_json.drivers import NoPorts, UavDriver, UavDriverSetup
 from msgs_json.geometry import Cell, GridSpec, Point
 from msgs_json.messages import (
     Acknowledged,
@@ -20,9 +23,13 @@ from msgs_json.messages import (
     PathAssignment,
     RecoveryOrder,
     Sample,
+    SortieDeparted,
+    SortieReport,
+    SortieReturned,
     SurfacingReport,
 )
 from msgs_json.ros_messages import Odometry
+from msgs_json.straight_motion import STILL, Flow
 from uav_planner.drivers.kinematic import make_driver
 from uav_planner.planning import (
     Planner,
@@ -39,7 +46,14 @@ from uav_planner.uav_agent import UavAgent, UavSetup
 # and hears 5 m far, so it is at most 5 m from the centre of a cell that it clears.
 REGION = GridSpec(cols=6, rows=2, cell_m=10.0)
 C3 = Point(east_m=0.0, north_m=0.0)
+SETUP = UavSetup(c3='c3', speed_mps=5.0, altitude_m=30.0, tick_s=1.0, arrival_radius_m=0.0)
 PATHS: dict[str, tuple[Cell, ...]] = {'auv_1': ((1, 0), (2, 0)), 'auv_2': ((4, 0), (5, 0))}
+
+
+BOTH_KINDS = pytest.mark.parametrize(
+    'guarantees_limit', [False, True], ids=['as_in_the_paper', 'with_a_guarantee']
+)
+"""Of planners."""
 
 
 class OneStep:
@@ -50,7 +64,7 @@ class OneStep:
         self.requests: list[PlanRequest] = []
 
     def plan_path(self, request: PlanRequest) -> PlanResult:
-        self.requests.append(request)
+        self.requests.append(replace(request, values=request.values.copy()))
         col, row = request.cell
         path = (request.cell, (col + 1 if col + 1 < REGION.cols else col - 1, row))
         return PlanResult(status=PlanStatus.OK, path=path, slack_s=7.0, sortie_time_s=9.0)
@@ -70,21 +84,22 @@ class OneStep:
 class Bench:
     """A UAV in the air, driven second by second."""
 
-    def __init__(self, planner: Planner | None = None) -> None:
+    def __init__(self, planner: Planner | None = None, driver: UavDriver | None = None) -> None:
         self.planner = planner or OneStep()
-        setup = UavSetup(c3='c3', speed_mps=5.0, altitude_m=30.0, tick_s=1.0, arrival_radius_m=0.0)
-        driver = make_driver(
-            UavDriverSetup(name='uav', home=C3, speed_mps=5.0, altitude_m=30.0), NoPorts()
-        )
-        self.agent = UavAgent('uav', setup, self.planner, driver)
+        self.agent = UavAgent('uav', SETUP, self.planner, driver or vehicle())
         self.now_s = -1.0
+        self.here = C3
 
     def tick(self, seconds: int = 1) -> list[Output]:
         """Let time pass; return all that came of it."""
         output: list[Output] = []
         for _ in range(seconds):
             self.now_s += 1.0
-            output += self.agent.tick(self.now_s)
+            shown = self.agent.tick(self.now_s)
+            for each in shown:
+                if isinstance(each, Publish) and isinstance(each.message, Odometry):
+                    self.here = each.message.position
+            output += shown
         return output
 
     def until(self, kind: type[Event], *, at_most_s: int = 200) -> list[Output]:
@@ -96,6 +111,21 @@ class Bench:
                 return output
         raise AssertionError(f'no {kind.__name__} within {at_most_s} s')
 
+    def home(self, **legs: int) -> tuple[list[Output], SortieReport]:
+        """
+        Fly the sortie to its end; return all that came of it and its report, acknowledged.
+
+        AUVs named in ``legs`` are heard all the time from its departure on, at the end of a leg.
+        """
+        output = self.until(SortieDeparted) if legs else []
+        while not of(SortieReturned, events(output)):
+            for auv, leg_id in legs.items():
+                output += self.meet(auv, leg_id)
+            output += self.tick()
+        (delivered,) = (body for body in said(output, 'c3') if isinstance(body, SortieReport))
+        output += self.hear('c3', taken(Acknowledged.SORTIE_REPORT, delivered.sortie))
+        return output, delivered
+
     def hear(self, src: str, message: Message) -> list[Output]:
         return self.agent.receive(src, message, self.now_s)
 
@@ -104,9 +134,11 @@ class Bench:
         self.hear('c3', order(**changes))
         return self
 
-    def meet(self, auv: str, leg_id: int = 0, *, acknowledges: bool = True) -> list[Output]:
+    def meet(
+        self, auv: str, leg_id: int = 0, *, acknowledges: bool = True, **changes: object
+    ) -> list[Output]:
         """Let an AUV report and, if it is to, acknowledge what it is told."""
-        output = self.hear(auv, report(auv, leg_id))
+        output = self.hear(auv, report(auv, leg_id, **changes))
         if acknowledges:
             for body in said(output, auv):
                 match body:
@@ -117,12 +149,15 @@ class Bench:
         return output
 
     def position(self) -> Point:
-        (odometry,) = (
-            each.message
-            for each in self.tick()
-            if isinstance(each, Publish) and isinstance(each.message, Odometry)
-        )
-        return odometry.position
+        """Return where the UAV is a second later."""
+        self.tick()
+        return self.here
+
+
+def vehicle(*, speed_mps: float = 5.0, wind: Flow = STILL) -> UavDriver:
+    """Return the UAV's vehicle; the agent believes that it makes 5 m/s."""
+    setup = UavDriverSetup(name='uav', home=C3, speed_mps=speed_mps, altitude_m=30.0, wind=wind)
+    return make_driver(setup, NoPorts())
 
 
 def order(**changes: object) -> MissionOrder:
@@ -142,10 +177,9 @@ def order(**changes: object) -> MissionOrder:
     return msgspec.structs.replace(base, **changes)
 
 
-def auv_order(name: str, path: tuple[Cell, ...]) -> AuvOrder:
-    return AuvOrder(
-        name=name, speed_mps=1.0, leg=Leg(leg_id=0, path=path, surface_deadline_s=10.0)
-    )
+def auv_order(name: str, path: tuple[Cell, ...], surface_deadline_s: float = 10.0) -> AuvOrder:
+    leg = Leg(leg_id=0, path=path, surface_deadline_s=surface_deadline_s)
+    return AuvOrder(name=name, speed_mps=1.0, leg=leg)
 
 
 def cells_of(auv: str, leg_id: int) -> tuple[Cell, Cell]:
@@ -190,8 +224,19 @@ def events(output: list[Output]) -> list[Event]:
     return [each.event for each in output if isinstance(each, Log)]
 
 
+def stamps_of(kind: type[Event], output: list[Output]) -> list[float]:
+    logs = (each for each in output if isinstance(each, Log))
+    return [each.stamp_s for each in logs if isinstance(each.event, kind)]
+
+
 def of(kind: type[Event], some: list[Event]) -> list[Event]:
     return [event for event in some if isinstance(event, kind)]
+
+
+def duration_s(output: list[Output]) -> float:
+    (returned,) = of(SortieReturned, events(output))
+    assert isinstance(returned, SortieReturned)
+    return returned.duration_s
 
 
 def refused(output: list[Output]) -> tuple[str, Refusal]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 from collections import deque
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 from msgs_json.agent import Log, Output, Publish, Refuse, Transmit
@@ -115,6 +115,10 @@ class _HandOver:
     """From where it lies through that path."""
     begun_s: float
 
+    def is_taken_by(self, report: SurfacingReport) -> bool:
+        """Return whether a report shows that the AUV has taken its next path."""
+        return self.plan is not None and report.leg_id == self.ended_leg_id + 1
+
     @property
     def acknowledgement(self) -> Acknowledgement:
         """Return the answer that ends it."""
@@ -150,6 +154,10 @@ class _Sortie:
             if auv not in self.met and auv not in self.missed:
                 return auv
         return None
+
+    def goes_to(self, auv: str) -> bool:
+        """Return whether an AUV is still to be met, as far as the sortie is concerned."""
+        return auv in self.order and auv not in self.met and auv not in self.not_reached
 
     @property
     def rest(self) -> Route:
@@ -194,7 +202,8 @@ class UavAgent:
         self._untold += self._decide()
         target = self._steer()
         state = self._driver.step(now_s)
-        if target is not None and self._position is not None:
+        is_next_tick = now_s - self._now_s < 1.5 * self._setup.tick_s
+        if target is not None and self._position is not None and is_next_tick:
             self._headway.note(self._position, state.position, target)
         self._now_s, self._position = now_s, state.position
         self._heard.clear()
@@ -225,20 +234,10 @@ class UavAgent:
         )
         if self._mission is not None:
             return [acknowledgement]  # repeated by C3: it missed our answer
-        problem = _problem_with_order(order)
+        problem = _problem_with_order(order, self._setup)
         if problem:
             return [Refuse(self._setup.c3, Refusal.CONTRADICTORY, problem)]
-        mission = MissionSpec(
-            grid=order.region,
-            c3=order.c3,
-            radio_range_m=order.radio_range_m,
-            uav_speed_mps=self._setup.speed_mps,
-            tick_s=self._setup.tick_s,
-            sortie_limit_s=order.sortie_limit_s,
-            path_cells=order.path_cells,
-            min_path_cells=order.min_path_cells,
-            handover_s=order.handover_s,
-        )
+        mission = mission_spec(order, self._setup)
         self._auvs = {auv.name: _Auv(speed_mps=auv.speed_mps, leg=auv.leg) for auv in order.auvs}
         try:
             self._plan_sortie(mission, overlooked=frozenset())
@@ -290,7 +289,7 @@ class UavAgent:
     def _prospect(self, auv: str, sortie: _Sortie | None) -> Prospect:
         if self._auvs[auv].searches_in_vain > 0:
             return Prospect.ASTRAY
-        if sortie is None or auv not in sortie.order or auv in sortie.met:
+        if sortie is None or not sortie.goes_to(auv):
             return Prospect.STAYS
         # One that did not confirm its path will be told the same again.
         return Prospect.STAYS if auv in self._hand_overs else Prospect.ENDS
@@ -308,7 +307,8 @@ class UavAgent:
         output += self._advance(sortie, self._position)
         if self._must_turn_home(sortie, mission, self._position):
             output.append(self._break_off(sortie))
-        return output
+        # It may have searched the last AUV from C3 itself, and is home without another step.
+        return output + self._return_to_c3()
 
     def _steer(self) -> Point | None:
         """Send the vehicle where it is to be next, and return where that is."""
@@ -348,7 +348,7 @@ class UavAgent:
 
     def _depart(self, sortie: _Sortie, mission: MissionSpec) -> list[Output]:
         sortie.departed_s = self._now_s
-        self._headway = Headway(mission.step_m)
+        self._headway = self._headway.next_sortie()
         points = (mission.c3, *(waypoint.point for waypoint in sortie.plan.route), mission.c3)
         departed = SortieDeparted(
             sortie=sortie.number,
@@ -463,8 +463,10 @@ class UavAgent:
     def _hear(self, report: SurfacingReport) -> list[Output]:
         sortie, auv = self._sortie, report.auv
         hand_over = self._hand_overs.get(auv)
-        if hand_over is not None and report.leg_id > hand_over.ended_leg_id:
-            del self._hand_overs[auv]  # it speaks of its next leg, so it has taken it
+        if hand_over is not None and hand_over.is_taken_by(report):
+            del self._hand_overs[auv]  # it speaks of its next leg
+        if report.outcome is LegOutcome.ABORTED and self._missed_answer(report):
+            self._call_off(report)
         if self._auvs[auv].recovered or (sortie is not None and auv in sortie.met):
             return self._answer(auv) if self._missed_answer(report) else []
         if sortie is None:
@@ -482,8 +484,18 @@ class UavAgent:
             return True
         # To meet it at C3 starts the sortie: only if what remains then still keeps L.
         rest = tuple(waypoint for waypoint in sortie.plan.route if waypoint.auv != auv)
-        sortie_s = self._mission.handover_s + worst_case_s(self._mission, rest, self._now_s)
-        return not is_before(self._mission.sortie_limit_s, sortie_s)
+        handover_s = self._mission.handover_ticks * self._mission.tick_s
+        rest_s = worst_case_s(self._mission, rest, self._now_s + handover_s)
+        return not is_before(self._mission.sortie_limit_s, handover_s + rest_s)
+
+    def _call_off(self, report: SurfacingReport) -> None:
+        """Take back the path that an AUV has not taken: it asks for help since."""
+        hand_over, exploration = self._hand_overs[report.auv], self._map
+        if hand_over.plan is None or exploration is None:
+            return
+        if not self._auvs[report.auv].lost:
+            exploration.restore(hand_over.plan.path[1:])
+        self._hand_overs[report.auv] = replace(hand_over, plan=None, reason=RecoveryReason.ABORTED)
 
     def _missed_answer(self, report: SurfacingReport) -> bool:
         """Return whether this leg's end was answered, but the AUV has not acknowledged it."""
@@ -495,17 +507,17 @@ class UavAgent:
         if mission is None or exploration is None:
             return []
         known = self._auvs[report.auv]
-        was_lost = known.lost
-        if self._missed_answer(report) and not was_lost:
-            # In a sortie before. It still lies where that path begins: the same path again.
+        was_answered = self._missed_answer(report)  # in a sortie before
+        if not was_answered:
+            problem = _problem_with_report(report, known.leg, mission.grid)
+            if problem:
+                return [Refuse(report.auv, Refusal.CONTRADICTORY, problem)]
+            self._take_over(report, exploration)
+        was_lost, known.lost, known.searches_in_vain = known.lost, False, 0
+        if was_answered and not was_lost:
+            # It still lies where the path begins that it was given then: the same path again.
             plan = self._hand_overs[report.auv].plan
         else:
-            if not self._missed_answer(report):
-                problem = _problem_with_report(report, known.leg, mission.grid)
-                if problem:
-                    return [Refuse(report.auv, Refusal.CONTRADICTORY, problem)]
-                self._take_over(report, exploration)
-            known.lost, known.searches_in_vain = False, 0
             plan = self._plan_path(report, sortie, mission, exploration)
         path = plan.path if plan else ()
         way = [report.position, *(mission.grid.centre(cell) for cell in path)]
@@ -622,8 +634,29 @@ class UavAgent:
         return []
 
 
-def _problem_with_order(order: MissionOrder) -> str | None:
+def mission_spec(order: MissionOrder, setup: UavSetup) -> MissionSpec:
+    """Return what an order means for the planners of a UAV."""
+    return MissionSpec(
+        grid=order.region,
+        c3=order.c3,
+        # It may hold that much short of a waypoint, and all of the leg must be heard there.
+        radio_range_m=order.radio_range_m - setup.arrival_radius_m,
+        uav_speed_mps=setup.speed_mps,
+        tick_s=setup.tick_s,
+        sortie_limit_s=order.sortie_limit_s,
+        path_cells=order.path_cells,
+        min_path_cells=order.min_path_cells,
+        handover_s=order.handover_s,
+    )
+
+
+def _problem_with_order(order: MissionOrder, setup: UavSetup) -> str | None:
     """Return why an order is no mission, or None."""
+    if order.radio_range_m <= setup.arrival_radius_m:
+        return (
+            f'radio_range_m must be more than the arrival radius of {setup.arrival_radius_m:g} m,'
+            f' is {order.radio_range_m:g}'
+        )
     names = [auv.name for auv in order.auvs]
     if len(set(names)) < len(names):
         return f'AUVs must have different names, are {", ".join(names)}'

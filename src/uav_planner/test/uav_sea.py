@@ -1,0 +1,165 @@
+"""AUVs for a UAV on the bench: they keep to their legs and come up anywhere on them, in time."""
+
+from __future__ import annotations
+
+from random import Random
+
+import msgspec
+from uav_bench import SETUP, Bench, said, taken
+
+from msgs_json.agent import Output
+from msgs_json.geometry import GridSpec, within_range
+from msgs_json.messages import (
+    Acknowledged,
+    AuvOrder,
+    Leg,
+    LegOutcome,
+    Message,
+    MissionOrder,
+    PathAssignment,
+    RecoveryOrder,
+    RecoveryReason,
+    Sample,
+    SortieReport,
+    SurfacingReport,
+)
+from uav_planner.planners.robust import RobustPlanner
+from uav_planner.planning import SortieRequest, SurveyLeg
+from uav_planner.sortie import worst_case_s
+from uav_planner.uav_agent import mission_spec
+
+
+class Diver:
+    """One AUV; without ``random`` it swims its whole legs and comes up when that is due."""
+
+    def __init__(self, order: AuvOrder, region: GridSpec, random: Random | None) -> None:
+        self.name = order.name
+        self.samples: list[Sample] = []
+        """All that it has taken."""
+        self.recovered: RecoveryReason | None = None
+        self._region = region
+        self._random = random
+        self.position = region.centre(order.leg.path[0])
+        self._sample(order.leg.path[0])
+        self._dive(order.leg, 0.0)
+
+    def report(self, now_s: float) -> SurfacingReport | None:
+        """Return what it says; None under water."""
+        if now_s < self._surfaces_s:
+            return None
+        return SurfacingReport(
+            auv=self.name,
+            leg_id=self._leg.leg_id,
+            outcome=LegOutcome.COMPLETED,
+            moves_done=self._moves_done,
+            cell=self._leg.path[self._moves_done],
+            position=self.position,
+            surfaced_s=self._surfaces_s,
+            samples=tuple(self.samples),
+        )
+
+    def told(self, message: Message, now_s: float) -> list[Message]:
+        """Take what the UAV says; return its answer."""
+        match message:
+            case PathAssignment(leg=leg):
+                if leg.leg_id > self._leg.leg_id:
+                    self._dive(leg, now_s)
+                return [taken(Acknowledged.PATH_ASSIGNMENT, leg.leg_id)]
+            case RecoveryOrder():
+                self.recovered = message.reason
+                return [taken(Acknowledged.RECOVERY_ORDER, message.leg_id)]
+        return []
+
+    def _dive(self, leg: Leg, now_s: float) -> None:
+        self._leg = leg
+        self._moves_done, self._surfaces_s = len(leg.path) - 1, leg.surface_deadline_s
+        share = 0.0
+        if self._random is not None:
+            self._moves_done = self._random.randint(0, len(leg.path) - 1)
+            self._surfaces_s = float(self._random.randint(int(now_s) + 1, int(self._surfaces_s)))
+            share = self._random.choice([0.0, self._random.random()])
+        for cell in leg.path[1 : self._moves_done + 1]:
+            self._sample(cell)
+        if self._moves_done == 0 and share > 0.5:
+            return  # not even back at the centre of its first cell
+        centre = self._region.centre(leg.path[self._moves_done])
+        following = self._region.centre(leg.path[min(self._moves_done + 1, len(leg.path) - 1)])
+        self.position = centre.toward(following, share * self._region.cell_m)
+
+    def _sample(self, cell: tuple[int, int]) -> None:
+        number = len(self.samples)
+        self.samples.append(Sample(number=number, cell=cell, entered_s=0.0, value=1.0))
+
+
+class Sea:
+    """The AUVs of a mission, heard when they are in range, and a C3 that hears everything."""
+
+    def __init__(
+        self,
+        bench: Bench,
+        order: MissionOrder,
+        random: Random | None = None,
+        *,
+        loss: float = 0.0,
+        silent: frozenset[str] = frozenset(),
+    ) -> None:
+        self.bench = bench
+        self.reports: list[SortieReport] = []
+        self.divers = {auv.name: Diver(auv, order.region, random) for auv in order.auvs}
+        self._range_m = order.radio_range_m
+        self._random = random
+        self._loss = loss
+        self._silent = silent
+        bench.tick()
+        bench.hear('c3', order)
+
+    def sail(self, seconds: int) -> list[Output]:
+        """Let time pass, to the end of the mission at most; return what came of the UAV."""
+        output: list[Output] = []
+        while seconds > 0 and not self.bench.agent.finished:
+            output += self.tick()
+            seconds -= 1
+        return output
+
+    def tick(self) -> list[Output]:
+        """Let a second pass."""
+        bench = self.bench
+        output = bench.tick()
+        for diver in self.divers.values():
+            report = diver.report(bench.now_s)
+            if report is not None and self._is_in_range(diver) and self._gets_through():
+                output += self._carry(bench.hear(diver.name, report))
+        for body in said(output, 'c3'):
+            if isinstance(body, SortieReport):
+                self.reports.append(body)
+                output += bench.hear('c3', taken(Acknowledged.SORTIE_REPORT, body.sortie))
+        return output
+
+    def _carry(self, output: list[Output]) -> list[Output]:
+        """Carry what the UAV says to the AUVs, and their answers back."""
+        for diver in self.divers.values():
+            for body in said(output, diver.name):
+                if not (self._is_in_range(diver) and self._gets_through()):
+                    continue
+                for answer in diver.told(body, self.bench.now_s):
+                    if self._gets_through():
+                        output += self.bench.hear(diver.name, answer)
+        return output
+
+    def _is_in_range(self, diver: Diver) -> bool:
+        distance_m = self.bench.here.distance_m(diver.position)
+        return diver.name not in self._silent and within_range(distance_m, self._range_m)
+
+    def _gets_through(self) -> bool:
+        return self._random is None or self._random.random() >= self._loss
+
+
+def round_s(order: MissionOrder) -> float:
+    """Return the least limit with which a guarantee takes a mission."""
+    mission = mission_spec(msgspec.structs.replace(order, sortie_limit_s=1e6), SETUP)
+    legs = tuple(
+        SurveyLeg(auv=auv.name, path=auv.leg.path, surface_deadline_s=auv.leg.surface_deadline_s)
+        for auv in order.auvs
+    )
+    plan = RobustPlanner().plan_sortie(SortieRequest(mission=mission, legs=legs, now_s=0.0))
+    return worst_case_s(mission, plan.route, 1e5)  # when they all are up
