@@ -1,12 +1,13 @@
 from __future__ import annotations
 
+import zlib
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import hypothesis.strategies as st
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 
 from msgs_json.geometry import Cell, GridSpec
 from uav_planner.candidate_paths import (
@@ -61,8 +62,8 @@ def maps(draw: st.DrawFn) -> NDArray[np.float64]:
 def rules(draw: st.DrawFn) -> Callable[[Path], bool]:
     """Draw an arbitrary set; most are large or small, as where a limit binds little or much."""
     share = draw(st.sampled_from([0.0, 0.02, 0.5, 0.98, 1.0]))
-    salt = draw(st.integers(0, 2**32))
-    return lambda path: np.random.default_rng((salt, *np.ravel(path))).random() < share
+    salt = draw(st.integers(0, 2**32 - 1))
+    return lambda path: zlib.crc32(repr(path).encode(), salt) < share * 2**32
 
 
 def best_by_enumeration(
@@ -87,6 +88,7 @@ def best_by_enumeration(
     tie_order=st.sampled_from(every_tie_order()),
     rule=rules(),
 )
+@settings(max_examples=200)
 def test_the_choice_is_that_of_a_loop_over_all_allowed_paths(
     values: NDArray[np.float64],
     start: Cell,

@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+from dataclasses import replace
+
 import hypothesis.strategies as st
 import msgspec
 import pytest
@@ -8,6 +10,7 @@ from uav_bench import (
     C3,
     PATHS,
     REGION,
+    SETUP,
     Bench,
     OneStep,
     auv_order,
@@ -109,6 +112,16 @@ def test_an_order_that_its_planner_cannot_plan_is_refused_before_it_flies(path_c
     assert bench.agent.peers == {'c3'}
     assert len(bench.tick(100)) == 100  # it stays at home: odometry only
     assert bench.hear('c3', order()) == [ORDER_TAKEN]
+
+
+def test_a_uav_that_stops_short_of_its_waypoints_plans_with_a_shorter_range() -> None:
+    planner = OneStep()
+    bench = Bench(planner, setup=replace(SETUP, arrival_radius_m=2.0))
+    bench.tick()
+    assert refused(bench.hear('c3', order(radio_range_m=2.0))) == ('c3', Refusal.CONTRADICTORY)
+    assert bench.hear('c3', order(radio_range_m=5.0)) == [ORDER_TAKEN]
+    bench.meet('auv_1')
+    assert planner.requests[0].mission.radio_range_m == 3.0
 
 
 def test_only_c3_gives_orders() -> None:
@@ -569,7 +582,8 @@ def test_an_auv_that_missed_its_recovery_order_is_told_again_whenever_it_is_hear
 peers = st.sampled_from(['c3', 'auv_1', 'auv_2'])
 few = st.integers(0, 3)
 cells = st.tuples(st.integers(0, 6), st.integers(0, 1))
-honest = st.tuples(st.sampled_from(sorted(PATHS)), few).map(lambda parts: report(*parts))
+outcomes = st.sampled_from([LegOutcome.COMPLETED, LegOutcome.COMPLETED, LegOutcome.ABORTED])
+honest = st.builds(report, st.sampled_from(sorted(PATHS)), few, outcome=outcomes)
 odd = st.tuples(honest, cells, few).map(
     lambda parts: msgspec.structs.replace(parts[0], cell=parts[1], moves_done=parts[2])
 )

@@ -84,9 +84,14 @@ class OneStep:
 class Bench:
     """A UAV in the air, driven second by second."""
 
-    def __init__(self, planner: Planner | None = None, driver: UavDriver | None = None) -> None:
+    def __init__(
+        self,
+        planner: Planner | None = None,
+        driver: UavDriver | None = None,
+        setup: UavSetup = SETUP,
+    ) -> None:
         self.planner = planner or OneStep()
-        self.agent = UavAgent('uav', SETUP, self.planner, driver or vehicle())
+        self.agent = UavAgent('uav', setup, self.planner, driver or vehicle())
         self.now_s = -1.0
         self.here = C3
 
