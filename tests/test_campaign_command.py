@@ -435,3 +435,25 @@ def test_a_dask_cluster_that_cannot_be_used_is_named(
 
 def other_digest() -> str:
     return f'of {os.getpid()}'
+
+
+@pytest.mark.slow
+def test_a_scheduler_that_goes_away_costs_what_was_in_the_air(tiny: Path, tmp_path: Path) -> None:
+    from distributed import LocalCluster
+
+    out = tmp_path / 'out'
+    with (
+        LocalCluster(
+            n_workers=1, threads_per_worker=1, processes=True, dashboard_address=None
+        ) as cluster,
+        campaign_process(
+            tiny, '--missions', 2000, '--dask', cluster.scheduler_address, '--out', out
+        ) as process,
+    ):
+        wait_until(lambda: flown(out) > 10)
+        cluster.close()
+        told, _ = process.communicate(timeout=PATIENCE_S)
+    assert process.returncode == ExitCode.FAILED
+    assert 'the scheduler is gone\nstopped: ' in told
+    assert f'python3 orchestrate.py campaign --resume {out}' in told
+    assert flown(out) > 10

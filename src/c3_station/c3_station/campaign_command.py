@@ -20,7 +20,7 @@ from c3_station.campaign_plan import (
 from c3_station.campaign_processes import ProcessPool
 from c3_station.campaign_progress import progress_bar
 from c3_station.campaign_report import write_campaign_report
-from c3_station.campaign_run import fly_all
+from c3_station.campaign_run import PoolLostError, fly_all
 from c3_station.campaign_store import (
     STORE,
     CampaignStore,
@@ -161,14 +161,17 @@ def _fly(store: CampaignStore, options: FlyingOptions, console: Console) -> Exit
                     show(results)
 
                 fly_all(map(campaign.job, missing), pool, take)
-    except KeyboardInterrupt:
+    except (KeyboardInterrupt, PoolLostError) as stop:
+        lost = isinstance(stop, PoolLostError)
+        if lost:
+            _say(console, str(stop), _BAD)
         stored = campaign.missions_total - len(store.missing())
         _say(
             console,
             f'stopped: {stored:,} of {_missions(campaign.missions_total)} are stored;'
             f' the rest is flown by\n{command_line("campaign", "--resume", str(store.folder))}',
         )
-        return ExitCode.INTERRUPTED
+        return ExitCode.FAILED if lost else ExitCode.INTERRUPTED
     if missing:
         took_s = monotonic() - began_s
         took = timedelta(seconds=round(took_s))

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from concurrent.futures import CancelledError
 from typing import TYPE_CHECKING, Self
 
 from c3_station.campaign_mission import MissionResult, fly_missions
+from c3_station.campaign_run import PoolLostError
 from c3_station.software import code_digest
 
 if TYPE_CHECKING:
@@ -12,6 +14,9 @@ if TYPE_CHECKING:
     from concurrent.futures import Future
 
     from c3_station.campaign_plan import MissionJob
+
+_GONE = (CancelledError, OSError)
+"""Dask cancels what was under way, or cannot send what is next."""
 
 _CONNECT_S = 10
 """A scheduler that does not answer within this time is not there, seconds."""
@@ -38,6 +43,7 @@ class DaskPool:
                 '--dask: Dask is not installed; allowed after'
                 ' `.venv/bin/python -m pip install distributed`'
             ) from None
+        self._address = address
         self.died: tuple[type[Exception], ...] = (KilledWorker,)
         try:
             self._client = Client(address, timeout=_CONNECT_S, set_as_default=False)
@@ -67,9 +73,22 @@ class DaskPool:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(self, kind: type[BaseException] | None, *failure: object) -> None:
-        """Leave the cluster; when something has happened, it shall not fly on for us."""
-        self._executor.shutdown(wait=kind is None)
+    def __exit__(
+        self, kind: type[BaseException] | None, failure: BaseException | None, trace: object
+    ) -> None:
+        """
+        Leave the cluster; when something has happened, it shall not fly on for us.
+
+        Raises
+        ------
+        PoolLostError
+            What has happened is that the scheduler is gone.
+
+        """
+        if isinstance(failure, _GONE):
+            self._client.close()
+            raise PoolLostError(f'--dask {self._address}: the scheduler is gone') from None
+        self._executor.shutdown(wait=failure is None)
         self._client.close()
 
     def _check_workers(self, address: str) -> None:

@@ -54,7 +54,7 @@ class _Row:
 
 def draw_violations(section: Section) -> Figure:
     """Draw how many missions had a sortie over its limit, with 95 % intervals."""
-    rows = _rows(section)
+    rows = _rows(section, section.planners)
     figure, axes = _figure_of_rows(rows, section)
     for row in rows:
         share = row.group.violations
@@ -69,7 +69,7 @@ def draw_violations(section: Section) -> Figure:
 
 def draw_spread(section: Section, metric: Metric) -> Figure | None:
     """Draw how a figure is distributed in each group: quartiles, percentiles 10 and 90, median."""
-    rows = _rows(section)
+    rows = _rows(section, section.planners)
     spreads = [(row, row.group.spread(metric)) for row in rows]
     if not any(spread for _, spread in spreads):
         return None
@@ -90,10 +90,10 @@ def draw_differences(section: Section, metric: Metric) -> Figure | None:
     base, *others = section.planners
     bases = {group.variation: group for group in section.groups if group.planner == base}
     rows, comparisons = [], []
-    for row in _rows(section):
+    for row in _rows(section, others):
         beside = bases.get(row.group.variation)
         comparison = compare(row.group, beside, metric) if beside else None
-        if row.group.planner in others and comparison is not None:
+        if comparison is not None:
             rows.append(row)
             comparisons.append(comparison)
     if not rows:
@@ -137,7 +137,7 @@ def draw_worst_cases(section: Section, planner: str) -> Figure | None:
     axes.set_ylabel('sortie as flown (L)')
     axes.grid(color=PALE, lw=0.6)
     axes.set_axisbelow(True)
-    axes.legend(loc='upper left')
+    figure.legend(loc='outside lower center', ncols=2)
     decades = 10.0 ** np.arange(math.floor(math.log10(most_sorties)) + 1)
     bar = figure.colorbar(drawn, ax=axes, label='sorties', shrink=0.8, ticks=decades.tolist())
     bar.ax.set_yticklabels([f'{decade:,.0f}' for decade in decades])
@@ -195,22 +195,22 @@ def _sorties(section: Section, planner: str) -> tuple[NDArray[np.float64], NDArr
 # --- groups in rows ------------------------------------------------------------------------------
 
 
-def _rows(section: Section) -> list[_Row]:
-    """Return a row for each group: variations from top to bottom, in each its planners."""
-    planners = section.planners
-    variations = section.variations
-    step = 0.8 / len(planners)
+def _rows(section: Section, planners: Sequence[str]) -> list[_Row]:
+    """Return a row for each group: variations from top to bottom, in each the planners chosen."""
+    step = 0.8 / max(1, len(planners))
     rows = []
     for group in section.groups:
-        number = planners.index(group.planner)
-        rows.append(
-            _Row(
-                y=variations.index(group.variation) + (number - (len(planners) - 1) / 2) * step,
-                group=group,
-                colour=_COLOURS[number % len(_COLOURS)],
-                marker=_MARKERS[number % len(_MARKERS)],
+        if group.planner in planners:
+            place = planners.index(group.planner) - (len(planners) - 1) / 2
+            number = section.planners.index(group.planner)
+            rows.append(
+                _Row(
+                    y=section.variations.index(group.variation) + place * step,
+                    group=group,
+                    colour=_COLOURS[number % len(_COLOURS)],
+                    marker=_MARKERS[number % len(_MARKERS)],
+                )
             )
-        )
     return rows
 
 

@@ -28,6 +28,10 @@ when the campaign is killed.
 """
 
 
+class PoolLostError(Exception):
+    """The workers cannot be reached any more; the text says which."""
+
+
 class Pool(Protocol):
     """Workers that fly missions."""
 

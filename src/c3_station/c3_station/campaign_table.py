@@ -35,13 +35,13 @@ def print_sections(sections: Iterable[Section], console: Console) -> None:
             'missed',
             'lost',
             f'explored ({explored.unit})',
-            f'neglect ({NEGLECT.unit})',
+            'neglect',
             'bound',
         )
         rows = [_cells(group, section) for group in section.groups]
         widths = [max(map(len, column)) for column in zip(header, *rows, strict=True)]
         console.print(Text(section.title, style='bold'))
-        console.print(Text(_line(header, widths), style='dim'))
+        console.print(Text(_line(header, widths), style='dim'), soft_wrap=True)
         for variation in section.variations:
             console.print(Text(variation), soft_wrap=True)
             for group, cells in zip(section.groups, rows, strict=True):
@@ -67,7 +67,7 @@ def _cells(group: Group, section: Section) -> tuple[str, ...]:
         f'{group.missed:,}',
         f'{group.samples_lost:,}',
         _spread_text(group.spread(section.metrics[0])),
-        _DASH if neglect is None else f'{neglect.median:.1f}',
+        _DASH if neglect is None else f'{neglect.median:.1f} {NEGLECT.unit}',
         _DASH if ratio is None else f'{ratio:.4f}',
     )
 
@@ -75,7 +75,7 @@ def _cells(group: Group, section: Section) -> tuple[str, ...]:
 def _share_text(share: Share) -> str:
     """Return a count, and where the true share is."""
     low, high = _percent(share.interval.low), _percent(share.interval.high)
-    return f'{share.count:,} of {share.total:,} ({low}{_DASH}{high} %)'
+    return f'{share.count:,}/{share.total:,} ({low}{_DASH}{high} %)'
 
 
 def _percent(fraction: float) -> str:
@@ -87,6 +87,6 @@ def _percent(fraction: float) -> str:
 def _spread_text(spread: Spread | None) -> str:
     if spread is None:
         return _DASH
-    digits = 0 if spread.median >= 100 else 2
+    digits = 0 if spread.median >= 100 else 1
     low, median, high = (f'{e:.{digits}f}' for e in (spread.low, spread.median, spread.high))
     return f'{median} ({low}{_DASH}{high})'

@@ -236,7 +236,8 @@ class Summarizer:
 
     def frame(self, name: str, frame: Frame) -> None:
         """Take what a node publishes, as the in-process kernel passes it on."""
-        self.message(frame.topic.resolve(f'/{name}'), frame.message)
+        if isinstance(frame.message, ClockTime | Text):  # poses are many, and say nothing here
+            self.message(frame.topic.resolve(f'/{name}'), frame.message)
 
     def message(self, topic: str, message: RosMessage) -> None:
         """Take a message of an absolute topic; those that say nothing here are passed over."""
