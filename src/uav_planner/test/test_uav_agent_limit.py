@@ -78,24 +78,51 @@ def test_with_a_guarantee_one_heard_from_c3_waits_for_the_departure(
     changes = {'auvs': auvs, 'sortie_limit_s': 40.0, 'handover_s': handover_s}
     assert stamps_of(SortieDeparted, guarded(**changes).tick(80)) == [departs_s]
     bench = guarded(**changes)
-    while not of(Met, events(bench.meet('auv_1'))):
-        bench.tick()
+    output = bench.meet('auv_1')
+    while not of(Met, events(output)):
+        output = bench.tick()
         assert bench.here == C3
+        output += bench.meet('auv_1')
     assert bench.now_s == departs_s
+    (departed,) = of(SortieDeparted, events(output))
+    assert departed.worst_case_s == 40.0  # type: ignore[attr-defined]
     output, delivered = bench.home()
     assert delivered.departed_s == departs_s
     assert duration_s(output) == 110.0 - departs_s <= 40.0
 
 
 def test_with_a_guarantee_one_heard_from_c3_is_met_as_soon_as_the_rest_keeps_the_limit() -> None:
+    """That is earlier than the UAV would leave for both; it promises only what is left to fly."""
     auvs = tuple(auv_order(name, path, 100.0) for name, path in PATHS.items())
     changes = {'auvs': auvs, 'sortie_limit_s': 20.0}
     assert stamps_of(SortieDeparted, guarded(**changes).tick(99)) == [96.0]
     bench = guarded(**changes)
-    while not of(Met, events(bench.meet('auv_1'))):
-        bench.tick()
+    output = bench.meet('auv_1')
+    while not of(Met, events(output)):
+        output = [*bench.tick(), *bench.meet('auv_1')]
     assert bench.now_s == 90.0
+    (departed,) = of(SortieDeparted, events(output))
+    assert departed.worst_case_s == 20.0  # type: ignore[attr-defined]
     assert duration_s(bench.home()[0]) == 20.0
+
+
+@pytest.mark.parametrize(('due_s', 'worst_case_s'), [(100.0, 33.0), (81.0, 26.0)])
+def test_an_auv_met_at_c3_is_not_in_the_worst_case_of_the_sortie_that_begins_with_it(
+    due_s: float, worst_case_s: float
+) -> None:
+    """
+    It would be waited for until 150 s, but is met at 80 s.
+
+    Then it is handed its path for 3 s; auv_2 is 10 s away, waited for, and handed its path, too.
+    """
+    auvs = (
+        auv_order('auv_1', PATHS['auv_1'], 150.0),
+        auv_order('auv_2', PATHS['auv_2'], due_s),
+    )
+    bench = guarded(auvs=auvs, sortie_limit_s=40.0, handover_s=2.5)
+    bench.tick(80)
+    (departed,) = of(SortieDeparted, events(bench.meet('auv_1')))
+    assert departed.worst_case_s == worst_case_s  # type: ignore[attr-defined]
 
 
 # --- the way home in time ------------------------------------------------------------------------
@@ -304,6 +331,21 @@ def test_for_an_answer_out_of_turn_it_has_the_time_that_this_saves() -> None:
         bench.tick()
     bench.meet('auv_2', acknowledges=False)
     assert stay_s(bench) == HAND_OVER_TICKS
+
+
+def test_it_stays_for_no_answer_that_it_could_not_wait_for_in_the_sortie_before() -> None:
+    """It waits for auv_2 until L binds, hears auv_1 4 s from home, and leaves again at once."""
+    auvs = (
+        auv_order('auv_3', ((1, 1), (0, 1))),
+        auv_order('auv_2', PATHS['auv_2'], 100.0),
+        auv_order('auv_1', PATHS['auv_1']),
+    )
+    bench = guarded(auvs=auvs, sortie_limit_s=40.0)
+    bench.tick(107)
+    assert len(of(Met, events(bench.meet('auv_1', acknowledges=False)))) == 1
+    output, delivered = bench.home()
+    assert (duration_s(output), delivered.missed) == (40.0, ('auv_3', 'auv_2'))
+    assert bench.position() != C3
 
 
 def test_the_time_for_a_hand_over_is_there_however_tight_the_limit() -> None:

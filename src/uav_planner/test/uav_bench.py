@@ -123,10 +123,12 @@ class Bench:
         AUVs named in ``legs`` are heard all the time from its departure on, at the end of a leg.
         """
         output = self.until(SortieDeparted) if legs else []
-        while not of(SortieReturned, events(output)):
+        for _ in range(200):
             for auv, leg_id in legs.items():
                 output += self.meet(auv, leg_id)
             output += self.tick()
+            if of(SortieReturned, events(output)):
+                break
         (delivered,) = (body for body in said(output, 'c3') if isinstance(body, SortieReport))
         output += self.hear('c3', taken(Acknowledged.SORTIE_REPORT, delivered.sortie))
         return output, delivered

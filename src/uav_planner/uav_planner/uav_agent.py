@@ -346,7 +346,10 @@ class UavAgent:
         untold, self._untold = self._untold, []
         return untold
 
-    def _depart(self, sortie: _Sortie, mission: MissionSpec) -> list[Output]:
+    def _depart(
+        self, sortie: _Sortie, mission: MissionSpec, met: tuple[str, ...] = ()
+    ) -> list[Output]:
+        """Begin a sortie, at the time to leave or with an AUV that is met at C3."""
         sortie.departed_s = self._now_s
         self._headway = self._headway.next_sortie()
         points = (mission.c3, *(waypoint.point for waypoint in sortie.plan.route), mission.c3)
@@ -354,11 +357,17 @@ class UavAgent:
             sortie=sortie.number,
             limit_s=mission.sortie_limit_s,
             predicted_s=sortie.plan.predicted_s,
-            worst_case_s=worst_case_s(mission, sortie.plan.route, self._now_s),
+            worst_case_s=self._worst_case_s(sortie, mission, met),
             order=sortie.order,
         )
         track = TrackPath(stamp_s=self._now_s, points=points, z_m=self._setup.altitude_m)
         return [Log(departed, self._now_s), Publish(ROUTE, track)]
+
+    def _worst_case_s(self, sortie: _Sortie, mission: MissionSpec, met: tuple[str, ...]) -> float:
+        """Return how long a sortie takes at worst that begins now, with some AUVs met at C3."""
+        rest = tuple(waypoint for waypoint in sortie.plan.route if waypoint.auv not in met)
+        handovers_s = len(met) * mission.handover_ticks * mission.tick_s
+        return handovers_s + worst_case_s(mission, rest, self._now_s + handovers_s)
 
     def _advance(self, sortie: _Sortie, position: Point) -> list[Output]:
         """Move the cursor to the next waypoint that is still of use (ECC 2009, Theorem 1)."""
@@ -483,10 +492,8 @@ class UavAgent:
         if sortie.departed_s is not None or self._mission is None:
             return True
         # To meet it at C3 starts the sortie: only if what remains then still keeps L.
-        rest = tuple(waypoint for waypoint in sortie.plan.route if waypoint.auv != auv)
-        handover_s = self._mission.handover_ticks * self._mission.tick_s
-        rest_s = worst_case_s(self._mission, rest, self._now_s + handover_s)
-        return not is_before(self._mission.sortie_limit_s, handover_s + rest_s)
+        sortie_s = self._worst_case_s(sortie, self._mission, (auv,))
+        return not is_before(self._mission.sortie_limit_s, sortie_s)
 
     def _call_off(self, report: SurfacingReport) -> None:
         """Take back the path that an AUV has not taken: it asks for help since."""
@@ -529,7 +536,9 @@ class UavAgent:
             way_m=path_length_m(way),
             begun_s=self._now_s,
         )
-        output = self._depart(sortie, mission) if sortie.departed_s is None else []
+        output: list[Output] = []
+        if sortie.departed_s is None:
+            output += self._depart(sortie, mission, met=(report.auv,))
         if was_lost:
             output.append(Log(HeardAgain(auv=report.auv), self._now_s))
         sortie.met[report.auv] = (self._now_s, report)
@@ -614,8 +623,8 @@ class UavAgent:
         """Return whether the UAV stays where it is, to be heard by an AUV and to hear it."""
         patience_s = max(HAND_OVER_TICKS * mission.tick_s, mission.handover_s)
         is_awaited = any(
-            is_before(self._now_s, hand_over.begun_s + patience_s)
-            for hand_over in self._hand_overs.values()
+            auv in sortie.met and is_before(self._now_s, hand_over.begun_s + patience_s)
+            for auv, hand_over in self._hand_overs.items()
         )
         if not is_awaited or sortie.not_reached or sortie.departed_s is None:
             return False
