@@ -15,7 +15,13 @@ from c3_station.mission_record import read_mission
 from c3_station.paper import comparisons, is_reference_mission
 from c3_station.program import command_line
 from c3_station.report_page import page_template
-from c3_station.scenario_files import load_scenario, scenario_json, shipped_scenarios
+from c3_station.scenario_files import (
+    ScenarioError,
+    load_scenario,
+    scenario_json,
+    shipped_scenarios,
+    with_choices,
+)
 from c3_station.summary import check_conditions
 
 if TYPE_CHECKING:
@@ -102,10 +108,11 @@ def _fly_again(record: MissionRecord) -> str | None:
     scenario = record.scenario
     if scenario is None or scenario.name not in shipped_scenarios():
         return None
-    shipped = load_scenario(scenario.name)
-    planner = scenario.planner.name
-    options = shipped.planner.options if planner == shipped.planner.name else {}
-    chosen = msgspec.structs.replace(shipped.planner, name=planner, options=options)
-    if scenario != msgspec.structs.replace(shipped, planner=chosen, seed=scenario.seed):
+    planner, seed = scenario.planner.name, scenario.seed
+    try:
+        again = with_choices(load_scenario(scenario.name), planner=planner, seed=seed)
+    except ScenarioError:
+        return None  # its planner is gone
+    if again != scenario:
         return None
-    return command_line('run', scenario.name, '--planner', planner, '--seed', str(scenario.seed))
+    return command_line('run', scenario.name, '--planner', planner, '--seed', str(seed))

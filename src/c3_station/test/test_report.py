@@ -28,7 +28,12 @@ from c3_station.paper import PAPER_FIGURES, comparisons, is_reference_mission
 from c3_station.recorded_topics import mission_topics
 from c3_station.report import render_report, write_report
 from c3_station.scenario import Scenario
-from c3_station.scenario_files import load_scenario, parse_scenario, scenario_json
+from c3_station.scenario_files import (
+    load_scenario,
+    parse_scenario,
+    scenario_json,
+    with_choices,
+)
 from c3_station.summary import LoggedEvent, failed_conditions, summarize
 from msgs_json.agent_shell import Frame
 from msgs_json.messages import ContactState, Met, Missed
@@ -162,6 +167,21 @@ def test_page_of_the_reference_mission_says_what_the_paper_says() -> None:
     assert 'python3 orchestrate.py run ecc2009 --planner ecc2009 --seed 0' in text
 
 
+def test_the_line_to_fly_again_is_there_only_where_it_flies_the_same() -> None:
+    record = recorded('ecc2009')
+    assert record.scenario is not None
+    robust = with_choices(record.scenario, planner='robust', seed=7)
+    line = 'python3 orchestrate.py run ecc2009 --planner robust --seed 7'
+    assert line in words(page_of(replace(record, scenario=robust)))
+    sortie = msgspec.structs.replace(robust.sortie, limit_s=50.0)
+    changed = msgspec.structs.replace(robust, sortie=sortie)
+    gone = msgspec.structs.replace(
+        robust, planner=msgspec.structs.replace(robust.planner, name='of_the_past')
+    )
+    for scenario in (changed, gone, msgspec.structs.replace(robust, name='my_bay')):
+        assert 'orchestrate.py run' not in page_of(replace(record, scenario=scenario))
+
+
 def test_other_missions_are_not_put_beside_the_paper() -> None:
     text = words(page_of(recorded('minimal')))
     assert 'Beside the paper' not in text
@@ -219,7 +239,8 @@ def test_failed_conditions_come_first() -> None:
     content['pass'] = {'explored_s': {'max': 60.0}}
     record = replace(recorded('minimal'), scenario=parse_scenario(json.dumps(content)))
     text = words(page_of(record))
-    assert 'Not passed ✗ explored_s is 120, more than allowed: at most 60 ✓ samples_lost' in text
+    is_what = f'explored_s is {record.summary.explored_s:g}, more than allowed: at most 60'
+    assert f'Not passed ✗ {is_what} ✓ samples_lost' in text
 
 
 def test_text_from_the_bag_is_escaped() -> None:
