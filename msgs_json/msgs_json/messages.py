@@ -376,7 +376,7 @@ class SortieDeparted(Event, frozen=True):
     predicted_s: Seconds
     """The planner's own figure for the sortie."""
     worst_case_s: Seconds
-    """The whole route from this departure, waits included."""
+    """The route from this departure, waits included, without an AUV met at C3 to begin it."""
     order: tuple[Name, ...]
     """The AUVs to meet, one after another."""
 

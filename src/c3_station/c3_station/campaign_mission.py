@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import enum
+import math
 import traceback
 from time import perf_counter
 from typing import TYPE_CHECKING
@@ -119,7 +120,6 @@ def _result(
         ended = MissionExit.ERROR
     else:
         ended = MissionExit.COMPLETE if summary.complete else MissionExit.STOPPED
-    silent = _silent_auvs(scenario)
     return MissionResult(
         number=number,
         exit=ended,
@@ -138,7 +138,7 @@ def _result(
             default=None,
         ),
         bound_ratio_max=summary.bound_ratio_max,
-        missed=sum(auv not in silent for sortie in summary.sorties for auv in sortie.missed),
+        missed=_missed(summary, scenario),
         searches_broken_off=summary.searches_broken_off,
         auvs_lost=len(summary.lost),
         samples_collected=summary.samples_collected,
@@ -154,13 +154,28 @@ def _result(
     )
 
 
-def _silent_auvs(scenario: Scenario) -> set[str]:
-    """Return the AUVs that nobody can be expected to hear."""
-    models = {
-        auv.name: surfacing_model(msgspec.json.encode(auv.surfacing).decode())
-        for auv in scenario.auvs
-    }
-    return {name for name, model in models.items() if isinstance(model, Lost | Silent)}
+def _missed(summary: Summary, scenario: Scenario) -> int:
+    """Return how often an AUV was searched in vain that should have been heard."""
+    silences_s = _silences_s(scenario)
+    missed = 0
+    for sortie in summary.sorties:
+        back_s = math.inf if sortie.returned_s is None else sortie.returned_s
+        for auv in sortie.missed:
+            from_s, until_s = silences_s.get(auv, (math.inf, math.inf))
+            missed += not (from_s <= back_s and sortie.departed_s <= until_s)
+    return missed
+
+
+def _silences_s(scenario: Scenario) -> dict[str, tuple[float, float]]:
+    """Return from when to when nobody can be expected to hear an AUV."""
+    silences_s = {}
+    for auv in scenario.auvs:
+        match surfacing_model(msgspec.json.encode(auv.surfacing).decode()):
+            case Lost(from_s=from_s):
+                silences_s[auv.name] = (from_s, math.inf)
+            case Silent(from_s=from_s, sorties=sorties):
+                silences_s[auv.name] = (from_s, from_s + sorties * scenario.sortie.limit_s)
+    return silences_s
 
 
 def _text(error: Exception) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import msgspec
@@ -107,10 +108,18 @@ def test_an_auv_that_cannot_be_heard_is_not_missed(model: str, missed: int) -> N
     assert fly_mission(job).missed == missed
 
 
+def test_a_silent_auv_is_excused_only_while_it_is_silent() -> None:
+    scenario = job_of('auvs.0.surfacing={model: silent, from_s: 100, sorties: 2}').scenario
+    window_s = (100.0, 100.0 + 2 * scenario.sortie.limit_s)
+    assert campaign_mission._silences_s(scenario) == {scenario.auvs[0].name: window_s}
+    lost = job_of('auvs.0.surfacing={model: lost, from_s: 100}').scenario
+    assert campaign_mission._silences_s(lost) == {lost.auvs[0].name: (100.0, math.inf)}
+
+
 def test_an_auv_that_should_have_been_heard_is_missed(monkeypatch: pytest.MonkeyPatch) -> None:
     # Its own radio would have to fail for that; take away the excuse instead.
     job = job_of('auvs.0.surfacing={model: lost, from_s: 0}', name='ecc2009')
-    monkeypatch.setattr(campaign_mission, '_silent_auvs', lambda scenario: set())
+    monkeypatch.setattr(campaign_mission, '_silences_s', lambda scenario: {})
     result = fly_mission(job)
     assert result.missed == summary_of(job.scenario).missed_total
     assert result.stands_out

@@ -436,3 +436,8 @@ def test_an_auv_astray_takes_no_room_from_the_others() -> None:
 def test_an_auv_without_a_leg_is_refused() -> None:
     with pytest.raises(ValueError, match='auv_9 has no leg'):
         GuaranteedPaths(met_first(auv='auv_9'))
+
+
+def test_an_auv_that_is_not_on_its_leg_is_refused() -> None:
+    with pytest.raises(ValueError, match=r'auv_1 is at \[0, 0\], which is not on its leg'):
+        GuaranteedPaths(met_first(cell=(0, 0)))

@@ -66,7 +66,7 @@ class GuaranteedPaths:
     Raises
     ------
     ValueError
-        The AUV that was met has no leg among those of the request.
+        The AUV that was met has no leg among those of the request, or is not on it.
 
     """
 
@@ -88,9 +88,9 @@ class GuaranteedPaths:
         self._handover_ticks = len(legs) * mission.handover_ticks
         self._origins = tuple(dict.fromkeys((*self._before.points, *self._after.points)))
         """
-        From where the search of a path is laid for a try, in both directions.
+        From where the search of a path is laid for a try, along its track and against it.
 
-        One laid from where the round goes on serves it as well, flown backwards.
+        Any origin gives a search; those near the round give short ones.
         """
         self.others_ticks = self._before.ticks_to(self._after) + (
             self._handover_ticks - mission.handover_ticks
@@ -143,16 +143,21 @@ class GuaranteedPaths:
 
     def _stay(self, request: PlanRequest, leg: SurveyLeg) -> Offer:
         moves = self._mission.min_path_cells
-        offers = []
-        for partner in _partners(request, leg):
-            path = tuple(itertools.islice(itertools.cycle((request.cell, partner)), moves + 1))
-            offers.append(self.offer(path))
-            offers += [
-                self._offer(path, (point,))
-                for point in leg.search
-                if all(self._clears(point, cell) for cell in (request.cell, partner))
-            ]
-        return min(offers, key=lambda each: each.round_ticks)
+        paths = [
+            tuple(itertools.islice(itertools.cycle((request.cell, partner)), moves + 1))
+            for partner in _partners(request, leg)
+        ]
+        if not paths:
+            raise ValueError(f'{leg.auv} is at {list(request.cell)}, which is not on its leg')
+        # Promised already; there is one unless the AUV strayed from its track.
+        offers = [
+            self._offer(path, (point,))
+            for path in paths
+            for point in leg.search
+            if all(self._clears(point, cell) for cell in path[:2])
+        ]
+        offers = offers or [self.offer(path) for path in paths]
+        return min(offers, key=lambda each: (not self._fits_alone(each), each.round_ticks))
 
     def _clears(self, point: Point, cell: Cell) -> bool:
         distance_m = point.distance_m(self._mission.grid.centre(cell))
@@ -164,10 +169,13 @@ class GuaranteedPaths:
         return Offer(path=path, search=search, round_ticks=ticks)
 
     def _is_within(self, offer: Offer) -> bool:
-        return (
-            offer.round_ticks <= self.limit_ticks
-            and _alone_ticks(self._mission, offer.search) <= self._mission.limit_ticks
-        )
+        return offer.round_ticks <= self.limit_ticks and self._fits_alone(offer)
+
+    def _fits_alone(self, offer: Offer) -> bool:
+        """Return whether a sortie to this AUV alone keeps L."""
+        search = (self._mission.c3, *offer.search, self._mission.c3)
+        ticks = _search_ticks(self._mission, search) + self._mission.handover_ticks
+        return ticks <= self._mission.limit_ticks
 
     def _round_ticks_each(self, searches: Searches) -> NDArray[np.float64]:
         mission = self._mission
@@ -292,11 +300,6 @@ def _partners(request: PlanRequest, leg: SurveyLeg) -> list[Cell]:
 
 def _search_ticks(mission: MissionSpec, search: Search) -> int:
     return sum(hop_ticks(mission, start, end) for start, end in itertools.pairwise(search))
-
-
-def _alone_ticks(mission: MissionSpec, search: Search) -> int:
-    """Return the ticks of a sortie to one AUV."""
-    return _search_ticks(mission, (mission.c3, *search, mission.c3)) + mission.handover_ticks
 
 
 # --- the next sortie -----------------------------------------------------------------------------

@@ -233,7 +233,8 @@ class Game:
                 ticks += sum(hop_ticks(mission, *hop) for hop in itertools.pairwise(search))
                 following[search[-1]] = min(ticks, following.get(search[-1], ticks))
             ends = following
-        return min(at + hop_ticks(mission, end, mission.c3) for end, at in ends.items())
+        ticks = min(at + hop_ticks(mission, end, mission.c3) for end, at in ends.items())
+        return ticks + len(position) * mission.handover_ticks
 
     def _holds(
         self, met: tuple[Way, ...], to_come: tuple[Way, ...], won: frozenset[tuple[Way, ...]]

@@ -122,7 +122,7 @@ class PlanStatus(enum.Enum):
     OK = 'ok'
     """A full path of q moves."""
     SHORTENED = 'shortened'
-    """No feasible path has q moves; the longest length that has one was used."""
+    """No path of q moves was found that is feasible; it has fewer."""
     INFEASIBLE = 'infeasible'
     """No path of Delta moves or more keeps the limit for a sortie to all; a last resort."""
 

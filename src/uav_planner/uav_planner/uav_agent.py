@@ -332,9 +332,13 @@ class UavAgent:
         if not self._planner.guarantees_limit or sortie.departed_s is None or not sortie.rest:
             return False
         ahead = position.toward(self._target(sortie, mission, position), mission.step_m)
-        home_ticks = whole_ticks(ahead.distance_m(mission.c3) / self._headway.safe_step_m)
-        home_s = self._now_s + (1 + home_ticks) * mission.tick_s
+        home_s = self._home_s(mission, ahead, self._now_s + mission.tick_s)
         return is_before(sortie.departed_s + mission.sortie_limit_s, home_s)
+
+    def _home_s(self, mission: MissionSpec, point: Point, now_s: float) -> float:
+        """Return when the UAV is home from a point, as slow as it has been seen to be."""
+        ticks = whole_ticks(point.distance_m(mission.c3) / self._headway.safe_step_m)
+        return now_s + ticks * mission.tick_s
 
     def _break_off(self, sortie: _Sortie) -> Output:
         sortie.not_reached = tuple(dict.fromkeys(waypoint.auv for waypoint in sortie.rest))
@@ -520,11 +524,14 @@ class UavAgent:
             if problem:
                 return [Refuse(report.auv, Refusal.CONTRADICTORY, problem)]
             self._take_over(report, exploration)
-        was_lost, known.lost, known.searches_in_vain = known.lost, False, 0
-        if was_answered and not was_lost:
-            # It still lies where the path begins that it was given then: the same path again.
-            plan = self._hand_overs[report.auv].plan
-        else:
+        was_lost, known.lost = known.lost, False
+        was_astray, known.searches_in_vain = known.searches_in_vain > 0, 0
+        plan = self._hand_overs[report.auv].plan if was_answered else None
+        # It still lies where the path begins that it was given then: the same path again, unless
+        # the others were given theirs without a thought of it.
+        if plan is None or was_astray:
+            if plan is not None and not was_lost:
+                exploration.restore(plan.path[1:])
             plan = self._plan_path(report, sortie, mission, exploration)
         path = plan.path if plan else ()
         way = [report.position, *(mission.grid.centre(cell) for cell in path)]
@@ -631,8 +638,9 @@ class UavAgent:
         if not self._planner.guarantees_limit:
             return True
         later_s = self._now_s + mission.tick_s
-        rest_s = worst_case_s(mission, sortie.rest, later_s, position)
-        return not is_before(sortie.departed_s + mission.sortie_limit_s, later_s + rest_s)
+        back_s = later_s + worst_case_s(mission, sortie.rest, later_s, position)
+        back_s = max(back_s, self._home_s(mission, position, later_s))
+        return not is_before(sortie.departed_s + mission.sortie_limit_s, back_s)
 
     def _acknowledged(self, src: str, message: Acknowledgement) -> list[Output]:
         if src == self._setup.c3 and message.acknowledges is Acknowledged.SORTIE_REPORT:
