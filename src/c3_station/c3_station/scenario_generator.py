@@ -45,6 +45,8 @@ L over what a sortie to the cell farthest from C3 takes.
 With less than 1 nobody ever gets there. With hardly more, all other AUVs would have to lie just on
 the way.
 """
+_TICKS_TO_SPARE = 2
+"""On top of that: where a sortie takes only a few ticks, each AUV beside the way costs one more."""
 _NO_LIMIT_S = 1e12
 """Longer than any sortie: what stands for L until it is drawn."""
 _GENEROUS = 20
@@ -413,9 +415,8 @@ def _needed_s(mission: MissionSpec, paths: Sequence[tuple[Cell, ...]]) -> float:
         _round_s(mission, pair[: len(paths)], len(paths))
         for pair in itertools.combinations(ends, 2)
     )
-    return max(
-        _round_s(mission, paths, len(paths)), _TO_SPARE * farthest_s, apart_s, mission.tick_s
-    )
+    explored_s = max(_TO_SPARE * farthest_s, apart_s) + _TICKS_TO_SPARE * mission.tick_s
+    return max(_round_s(mission, paths, len(paths)), explored_s)
 
 
 def _round_s(mission: MissionSpec, paths: Sequence[tuple[Cell, ...]], auvs: int) -> float:
