@@ -20,7 +20,9 @@ from uav_bench import (
     path_handed_over,
     report,
     said,
+    stamps_of,
     taken,
+    vehicle,
 )
 from uav_sea import Sea
 
@@ -34,6 +36,7 @@ from msgs_json.messages import (
     Missed,
     RecoveryOrder,
     RecoveryReason,
+    SearchBrokenOff,
     SortieDeparted,
 )
 from msgs_json.topics import ROUTE
@@ -73,6 +76,34 @@ def test_the_cells_of_one_given_up_are_worth_going_to_again(guarantees_limit: bo
     assert planner.requests[1].values[0, 2] == 1.0
     assert planner.requests[1].values[0, 1] == 0.5  # where it began: it was there
     assert [leg.auv for leg in planner.requests[1].legs] == ['auv_2']
+
+
+def test_one_that_the_wind_never_lets_be_reached_is_given_up() -> None:
+    """Else the mission would go on for ever: it is neither heard nor searched to the end."""
+    far = (auv_order('auv_2', PATHS['auv_2']),)
+    bench = Bench(RobustPlanner(), vehicle(speed_mps=2.0)).ordered(
+        auvs=far, radio_range_m=10.0, sortie_limit_s=20.0, lost_after_sorties=2
+    )
+    output, first = bench.home()
+    assert of(SearchBrokenOff, events(output)) == [
+        SearchBrokenOff(sortie=1, not_reached=('auv_2',))
+    ]
+    assert (first.missed, first.not_reached, first.lost) == ((), ('auv_2',), ())
+    output, second = bench.home()
+    assert of(GivenUp, events(output)) == [GivenUp(sortie=2, auv='auv_2')]
+    assert (second.missed, second.lost, second.next_sortie) == ((), ('auv_2',), None)
+    assert bench.agent.finished
+
+
+@BOTH_KINDS
+def test_those_searched_in_vain_are_not_searched_again_at_once(guarantees_limit: bool) -> None:
+    """They are within range of C3, where a sortie takes no time."""
+    near = (auv_order('auv_1', ((0, 0), (1, 0))),)
+    planner = RobustPlanner() if guarantees_limit else Ecc2009Planner()
+    bench = Bench(planner).ordered(auvs=near, radio_range_m=30.0, sortie_limit_s=40.0)
+    output = bench.until(GivenUp)
+    first_s, *later_s = stamps_of(SortieDeparted, output)
+    assert later_s == [first_s + 40.0, first_s + 80.0]
 
 
 @BOTH_KINDS

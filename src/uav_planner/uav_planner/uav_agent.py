@@ -260,8 +260,13 @@ class UavAgent:
         if not legs:
             self._sortie = None
             return
+        now_s = self._now_s
+        departed_s = self._sortie.departed_s if self._sortie else None
+        if departed_s is not None and all(leg.prospect is Prospect.ASTRAY for leg in legs):
+            # To search them again at once would tell nothing new, and soon give them up.
+            now_s = max(now_s, departed_s + mission.sortie_limit_s)
         plan = self._planner.plan_sortie(
-            SortieRequest(mission=mission, legs=legs, overlooked=overlooked, now_s=self._now_s)
+            SortieRequest(mission=mission, legs=legs, overlooked=overlooked, now_s=now_s)
         )
         for auv, waypoints in itertools.groupby(plan.route, key=lambda each: each.auv):
             self._auvs[auv].search = tuple(waypoint.point for waypoint in waypoints)
@@ -306,7 +311,7 @@ class UavAgent:
             output += self._depart(sortie, mission)
         output += self._advance(sortie, self._position)
         if self._must_turn_home(sortie, mission, self._position):
-            output.append(self._break_off(sortie))
+            output += self._break_off(sortie)
         # It may have searched the last AUV from C3 itself, and is home without another step.
         return output + self._return_to_c3()
 
@@ -340,11 +345,15 @@ class UavAgent:
         ticks = whole_ticks(point.distance_m(mission.c3) / self._headway.safe_step_m)
         return now_s + ticks * mission.tick_s
 
-    def _break_off(self, sortie: _Sortie) -> Output:
+    def _break_off(self, sortie: _Sortie) -> list[Output]:
         sortie.not_reached = tuple(dict.fromkeys(waypoint.auv for waypoint in sortie.rest))
         sortie.cursor = len(sortie.plan.route)
         broken_off = SearchBrokenOff(sortie=sortie.number, not_reached=sortie.not_reached)
-        return Log(broken_off, self._now_s)
+        output: list[Output] = [Log(broken_off, self._now_s)]
+        if not (sortie.met or sortie.missed):
+            # All of a sortie was not enough for it: one that is always out of reach is lost, too.
+            output += self._searched_in_vain(sortie, sortie.not_reached[0])
+        return output
 
     def _tell(self) -> list[Output]:
         untold, self._untold = self._untold, []
@@ -390,16 +399,20 @@ class UavAgent:
         return output
 
     def _miss(self, sortie: _Sortie, auv: str) -> list[Output]:
-        """Note that an AUV was searched in vain; give it up after so many times."""
+        """Note that an AUV was searched to the end and not heard."""
         sortie.missed.add(auv)
+        missed = Missed(sortie=sortie.number, auv=auv)
+        return [Log(missed, self._now_s), *self._searched_in_vain(sortie, auv)]
+
+    def _searched_in_vain(self, sortie: _Sortie, auv: str) -> list[Output]:
+        """Count a search of an AUV, and give it up after so many."""
         known = self._auvs[auv]
         known.searches_in_vain += 1
-        output: list[Output] = [Log(Missed(sortie=sortie.number, auv=auv), self._now_s)]
-        if known.searches_in_vain >= self._lost_after_sorties and self._map is not None:
-            known.lost = True
-            self._map.restore(known.leg.path[1:])
-            output.append(Log(GivenUp(sortie=sortie.number, auv=auv), self._now_s))
-        return output
+        if known.searches_in_vain < self._lost_after_sorties or self._map is None:
+            return []
+        known.lost = True
+        self._map.restore(known.leg.path[1:])
+        return [Log(GivenUp(sortie=sortie.number, auv=auv), self._now_s)]
 
     def _is_at(self, point: Point, position: Point) -> bool:
         return position.distance_m(point) <= self._setup.arrival_radius_m
