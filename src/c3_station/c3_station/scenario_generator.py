@@ -46,7 +46,7 @@ With less than 1 nobody ever gets there. With hardly more, all other AUVs would 
 the way.
 """
 _TICKS_TO_SPARE = 2
-"""On top of that: where a sortie takes only a few ticks, each AUV beside the way costs one more."""
+"""Beyond that: where a sortie takes but a few ticks, each AUV beside the way costs one more."""
 _NO_LIMIT_S = 1e12
 """Longer than any sortie: what stands for L until it is drawn."""
 _GENEROUS = 20
