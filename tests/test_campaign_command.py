@@ -336,11 +336,18 @@ def test_a_campaign_that_is_killed_goes_on_where_it_was(tiny: Path, tmp_path: Pa
 
 
 @pytest.mark.slow
-def test_ctrl_c_keeps_what_is_flown_and_leaves_nobody_behind(tiny: Path, tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ('kill', 'signum'),
+    [(os.killpg, signal.SIGINT), (os.kill, signal.SIGTERM)],  # as a terminal does, and a system
+    ids=['ctrl_c', 'sigterm'],
+)
+def test_who_ends_it_keeps_what_is_flown_and_leaves_nobody_behind(
+    tiny: Path, tmp_path: Path, kill: Callable[[int, int], None], signum: int
+) -> None:
     out = tmp_path / 'out'
     with campaign_process(tiny, *LONG, '--out', out) as process:
         wait_until(lambda: flown(out) > 40)
-        os.killpg(process.pid, signal.SIGINT)  # as a terminal does: to every process
+        kill(process.pid, signum)
         told, _ = process.communicate(timeout=PATIENCE_S)
         assert process.returncode == ExitCode.INTERRUPTED
         wait_until(lambda: not members(process.pid))

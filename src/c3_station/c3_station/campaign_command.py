@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import signal
+from contextlib import contextmanager
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
@@ -33,6 +35,8 @@ from c3_station.program import command_line
 from c3_station.scenario_files import scenario_json
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
     from rich.console import Console
 
     from c3_station.campaign_mission import MissionResult
@@ -152,6 +156,7 @@ def _fly(store: CampaignStore, options: FlyingOptions, console: Console) -> Exit
     try:
         if missing:
             with (
+                _ended_by_sigterm(),
                 _pool(options) as pool,
                 progress_bar(console, campaign.missions_total, store.results()) as show,
             ):
@@ -178,6 +183,16 @@ def _fly(store: CampaignStore, options: FlyingOptions, console: Console) -> Exit
         rate = len(missing) / took_s
         _say(console, f'{_missions(len(missing))} in {took}, {rate:.1f} per second\n')
     return _tell(store, options, console)
+
+
+@contextmanager
+def _ended_by_sigterm() -> Iterator[None]:
+    """Let SIGTERM end a campaign as Ctrl-C does."""
+    before = signal.signal(signal.SIGTERM, signal.default_int_handler)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, before)
 
 
 def _pool(options: FlyingOptions) -> ProcessPool | DaskPool:
