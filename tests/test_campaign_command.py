@@ -345,16 +345,16 @@ def test_who_ends_it_keeps_what_is_flown_and_leaves_nobody_behind(
     tiny: Path, tmp_path: Path, kill: Callable[[int, int], None], signum: int
 ) -> None:
     out = tmp_path / 'out'
-    with campaign_process(tiny, *LONG, '--out', out) as process:
+    with campaign_process(tiny, '--missions', 3000, '--jobs', 2, '--out', out) as process:
         wait_until(lambda: flown(out) > 40)
         kill(process.pid, signum)
         told, _ = process.communicate(timeout=PATIENCE_S)
         assert process.returncode == ExitCode.INTERRUPTED
         wait_until(lambda: not members(process.pid))
     assert 'Traceback' not in told
-    stored = re.search(r'stopped: (\d+) of 300 missions are stored', told)
+    stored = re.search(r'stopped: ([\d,]+) of 3,000 missions are stored', told)
     assert stored
-    assert int(stored[1]) == flown(out) > 40
+    assert int(stored[1].replace(',', '')) == flown(out) > 40
     assert f'python3 orchestrate.py campaign --resume {out}' in told
 
 

@@ -46,7 +46,9 @@ def main(arguments: Sequence[str]) -> int:
         return ExitCode.INTERRUPTED
     except ValueError as error:
         # Errors of input are ValueErrors that say what is wrong, where, and what is allowed.
-        Console(stderr=True).print(str(error), style='bold red', markup=False, highlight=False)
+        Console(stderr=True).print(
+            str(error), style='bold red', markup=False, highlight=False, soft_wrap=True
+        )
         return ExitCode.BAD_INPUT
 
 
