@@ -551,7 +551,7 @@ def holds_for(
 @holds_for(
     guaranteed_cases(),
     few=120,
-    many=2000,
+    many=400,
     covering=[
         is_met_out_of_turn,
         is_met_between_cells,
@@ -574,7 +574,7 @@ def test_robust_meets_everybody_within_the_worst_case_and_this_within_the_limit(
     return flight
 
 
-@holds_for(guaranteed_cases(longer_deaf_ticks=8), few=60, many=600)
+@holds_for(guaranteed_cases(longer_deaf_ticks=8), few=60, many=200)
 def test_robust_keeps_the_limit_where_hand_overs_take_longer_than_planned(case: Case) -> Flight:
     flight = Flight(case, 'robust')
     check_track(flight)
@@ -587,7 +587,7 @@ def test_robust_keeps_the_limit_where_hand_overs_take_longer_than_planned(case: 
 @holds_for(
     paper_cases(),
     few=100,
-    many=1000,
+    many=400,
     covering=[begins_with_a_contact_at_c3, waits_for_a_deadline, hears_one_before_it_is_met],
 )
 def test_ecc2009_meets_everybody_in_turn_within_the_worst_case(case: Case) -> Flight:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import signal
-from contextlib import contextmanager
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
@@ -31,12 +29,11 @@ from c3_station.campaign_store import (
 )
 from c3_station.campaign_table import print_sections
 from c3_station.exit_codes import ExitCode
+from c3_station.interrupts import interruptible
 from c3_station.program import command_line
 from c3_station.scenario_files import scenario_json
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
-
     from rich.console import Console
 
     from c3_station.campaign_mission import MissionResult
@@ -156,7 +153,7 @@ def _fly(store: CampaignStore, options: FlyingOptions, console: Console) -> Exit
     try:
         if missing:
             with (
-                _ended_by_sigterm(),
+                interruptible() as look_for_interrupt,
                 _pool(options) as pool,
                 progress_bar(console, campaign.missions_total, store.results()) as show,
             ):
@@ -164,6 +161,7 @@ def _fly(store: CampaignStore, options: FlyingOptions, console: Console) -> Exit
                 def take(results: list[MissionResult]) -> None:
                     store.add(results)
                     show(results)
+                    look_for_interrupt()
 
                 fly_all(map(campaign.job, missing), pool, take)
     except (KeyboardInterrupt, PoolLostError) as stop:
@@ -183,16 +181,6 @@ def _fly(store: CampaignStore, options: FlyingOptions, console: Console) -> Exit
         rate = len(missing) / took_s
         _say(console, f'{_missions(len(missing))} in {took}, {rate:.1f} per second\n')
     return _tell(store, options, console)
-
-
-@contextmanager
-def _ended_by_sigterm() -> Iterator[None]:
-    """Let SIGTERM end a campaign as Ctrl-C does."""
-    before = signal.signal(signal.SIGTERM, signal.default_int_handler)
-    try:
-        yield
-    finally:
-        signal.signal(signal.SIGTERM, before)
 
 
 def _pool(options: FlyingOptions) -> ProcessPool | DaskPool:

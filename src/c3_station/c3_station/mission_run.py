@@ -2,19 +2,18 @@
 
 from __future__ import annotations
 
-import signal
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from time import monotonic
-from types import FrameType
 
 from rich.console import Console
 from rich.live import Live
 
 from c3_station.bag import BagError, BagReader, recover_bag
 from c3_station.exit_codes import ExitCode
+from c3_station.interrupts import interruptible
 from c3_station.live_view import LiveView
 from c3_station.mission_monitor import MissionMonitor
 from c3_station.node_params import UAV
@@ -61,7 +60,7 @@ def run_mission(scenario: Scenario, options: RunOptions, console: Console) -> Ex
     problem = None
     try:
         with (
-            _interruptible() as look_for_interrupt,
+            interruptible() as look_for_interrupt,
             _live(console, monitor, title, look_for_interrupt) as refresh,
         ):
             flight = fly(
@@ -171,30 +170,3 @@ def _live(
         yield refresh
     if not console.is_terminal:
         console.print()  # the last frame ends without a new line there
-
-
-@contextmanager
-def _interruptible() -> Iterator[Callable[[], None]]:
-    """
-    Let Ctrl-C, SIGTERM and a closed terminal end a mission at the next look, which is yielded.
-
-    A handler that raised at once would at times do so inside a callback of the ROS executor, where
-    the exception is lost and the mission goes on.
-    """
-    asked = False
-
-    def note(signum: int, frame: FrameType | None) -> None:
-        nonlocal asked
-        asked = True
-
-    def look() -> None:
-        if asked:
-            raise KeyboardInterrupt
-
-    signals = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
-    before = [signal.signal(signum, note) for signum in signals]
-    try:
-        yield look
-    finally:
-        for signum, handler in zip(signals, before, strict=True):
-            signal.signal(signum, handler)

@@ -60,12 +60,16 @@ def walk_from(start: Cell, moves: Sequence[tuple[int, int]], grid: GridSpec) -> 
     return tuple(path)
 
 
+ALONG = st.integers(-2000, 12000).map(lambda thousandths: thousandths / 1000)
+"""In cells; no lengths that are nothing to `whole_ticks` and something to a vehicle."""
+
+
 @st.composite
 def missions(draw: st.DrawFn) -> MissionSpec:
     """Whole numbers, where hops come out as exact ticks, as often as any others."""
     lengths = st.one_of(st.integers(1, 40).map(float), st.floats(0.5, 40.0))
     cell_m = draw(lengths)
-    along = st.one_of(st.integers(-2, 12).map(float), st.floats(-2.0, 12.0))
+    along = st.one_of(st.integers(-2, 12).map(float), ALONG)
     return replace(
         REFERENCE,
         grid=GridSpec(cols=10, rows=10, cell_m=cell_m),
@@ -388,7 +392,7 @@ def sorties(draw: st.DrawFn) -> tuple[MissionSpec, Route, float, Point]:
     start_s = draw(st.integers(0, 100)) * mission.tick_s
     if draw(st.booleans()):
         return mission, route, start_s, mission.c3
-    cells = st.floats(-2.0, 12.0)
+    cells = ALONG
     start = Point(
         east_m=draw(cells) * mission.grid.cell_m, north_m=draw(cells) * mission.grid.cell_m
     )
