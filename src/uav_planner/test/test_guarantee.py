@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -21,6 +21,7 @@ from uav_planner.guarantee_oracle import (
     places_of,
     reachable_meetings,
 )
+from uav_planner.oracle_boards import BLOCK, STRIP, Board, legs_of
 from uav_planner.planners.robust import RobustPlanner
 from uav_planner.planning import (
     MissionSpec,
@@ -36,70 +37,17 @@ from uav_planner.sortie import worst_case_s
 Path = tuple[Cell, ...]
 
 
-@dataclass(frozen=True)
-class Board:
-    """A mission small enough to go through everything that can happen."""
-
-    cols: int
-    rows: int
-    moves: int
-    c3: Point
-    speed_mps: float
-    limit_s: float
-    paths: tuple[Path, ...]
-    shortest: int = 1
-    handover_s: float = 0.0
-
-    def mission(self) -> MissionSpec:
-        return MissionSpec(
-            grid=GridSpec(cols=self.cols, rows=self.rows, cell_m=10.0),
-            c3=self.c3,
-            radio_range_m=10.0,
-            uav_speed_mps=self.speed_mps,
-            tick_s=1.0,
-            sortie_limit_s=self.limit_s,
-            path_cells=self.moves,
-            min_path_cells=self.shortest,
-            handover_s=self.handover_s,
-        )
-
-
-STRIP = Board(
-    cols=5,
-    rows=1,
-    moves=1,
-    c3=Point(east_m=0.0, north_m=5.0),
-    speed_mps=5.0,
-    limit_s=10.0,
-    paths=(((1, 0), (0, 0)), ((2, 0), (3, 0))),
-)
-BLOCK = Board(
-    cols=3,
-    rows=2,
-    moves=1,
-    c3=Point(east_m=-5.0, north_m=10.0),
-    speed_mps=4.0,
-    limit_s=8.0,
-    paths=(((0, 1), (0, 0)), ((1, 0), (1, 1))),
-)
 BOARDS = {
     'strip': STRIP,
     'strip_with_hand_over_time': replace(STRIP, handover_s=2.0, limit_s=14.0),
 }
 LARGE_BOARDS = {
     'strip_of_longer_paths': replace(
-        STRIP, moves=2, shortest=2, paths=(((1, 0), (0, 0), (1, 0)), ((2, 0), (3, 0), (2, 0)))
+        STRIP, moves=2, min_moves=2, paths=(((1, 0), (0, 0), (1, 0)), ((2, 0), (3, 0), (2, 0)))
     ),
     'block': BLOCK,
     'three': replace(STRIP, cols=3, paths=(*STRIP.paths[:1], ((2, 0), (1, 0)), ((1, 0), (2, 0)))),
 }
-
-
-def legs_of(paths: tuple[Path, ...]) -> tuple[SurveyLeg, ...]:
-    return tuple(
-        SurveyLeg(auv=f'auv_{number}', path=path, surface_deadline_s=0.0)
-        for number, path in enumerate(paths, start=1)
-    )
 
 
 def unexplored(mission: MissionSpec) -> np.ndarray:
@@ -118,11 +66,18 @@ EVERY_BOARD = [
 ]
 
 
+@pytest.mark.parametrize('board', [*BOARDS.values(), BLOCK], ids=[*BOARDS, 'block'])
+def test_the_limits_of_the_boards_are_the_tightest_that_can_be_kept(board: Board) -> None:
+    tighter = replace(board, limit_s=board.limit_s - 1.0)
+    assert initial_problem(board.mission, board.legs) is None
+    assert initial_problem(tighter.mission, tighter.legs) is not None
+
+
 @pytest.mark.parametrize('board', EVERY_BOARD)
 def test_at_every_meeting_that_can_follow_some_path_keeps_the_limit(board: Board) -> None:
-    mission = board.mission()
+    mission = board.mission
     meetings = 0
-    for meeting in reachable_meetings(mission, legs_of(board.paths)):
+    for meeting in reachable_meetings(mission, board.legs):
         meetings += 1
         stay = meeting.guaranteed.stay
         assert stay.round_ticks <= mission.limit_ticks, meeting
@@ -140,7 +95,7 @@ def test_at_every_meeting_that_can_follow_some_path_keeps_the_limit(board: Board
 )
 def test_almost_nothing_is_refused_that_wins_the_game(board: Board) -> None:
     """What `bench guarantee` measures on more boards."""
-    count = count_refusals(board.mission(), legs_of(board.paths))
+    count = count_refusals(board.mission, board.legs)
     assert count.winning < count.paths, 'a board where everything wins shows nothing'
     assert count.refused <= 0.01 * count.winning
 
