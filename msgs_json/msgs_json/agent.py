@@ -8,8 +8,9 @@ or the in-process kernel carries them. Its vehicle, if it has one, is behind a d
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Protocol
+
+import msgspec
 
 if TYPE_CHECKING:
     from msgs_json.codec import Refusal
@@ -18,24 +19,21 @@ if TYPE_CHECKING:
     from msgs_json.topics import Topic
 
 
-@dataclass(frozen=True, slots=True)
-class Transmit:
+class Transmit(msgspec.Struct, frozen=True):
     """Say something by radio; whether it is heard is up to the channel."""
 
     dst: str
     body: Message
 
 
-@dataclass(frozen=True, slots=True)
-class Publish:
+class Publish(msgspec.Struct, frozen=True):
     """Show something to people and tools; no agent listens to it."""
 
     topic: Topic
     message: RosMessage | Message
 
 
-@dataclass(frozen=True, slots=True)
-class Log:
+class Log(msgspec.Struct, frozen=True):
     """Note in the mission's log that something happened."""
 
     event: Event
@@ -43,8 +41,7 @@ class Log:
     """When it happened; may lie one tick before the time of logging."""
 
 
-@dataclass(frozen=True, slots=True)
-class Refuse:
+class Refuse(msgspec.Struct, frozen=True):
     """Turn down what somebody said; counted always, logged once per sender and reason."""
 
     sender: str

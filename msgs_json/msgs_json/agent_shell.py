@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections import Counter
-from dataclasses import dataclass
+
+import msgspec
 
 from msgs_json import codec
 from msgs_json.agent import Agent, Log, Output, Publish, Refuse, Transmit
@@ -15,8 +16,7 @@ from msgs_json.topics import MISSION_EVENTS, RADIO_TX, Topic
 _HEARD_BY_RADIO = frozenset(t.__name__ for t in RADIO_MESSAGES)
 
 
-@dataclass(frozen=True, slots=True)
-class Frame:
+class Frame(msgspec.Struct, frozen=True):
     """Something to publish: on which topic, and what. JSON is a `Text` that is encoded already."""
 
     topic: Topic

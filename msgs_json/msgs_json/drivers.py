@@ -14,6 +14,8 @@ from functools import cache
 from importlib.metadata import EntryPoint, entry_points
 from typing import TYPE_CHECKING, Any, Protocol
 
+import msgspec
+
 from msgs_json.ros_messages import Odometry
 from msgs_json.straight_motion import STILL, Flow
 
@@ -40,8 +42,7 @@ class VehicleUnavailableError(DriverError):
     """The vehicle's state is not known (no position yet, link to the autopilot lost)."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class VehicleState:
+class VehicleState(msgspec.Struct, frozen=True, kw_only=True):
     """Where a vehicle is."""
 
     position: Point
@@ -62,8 +63,7 @@ class VehicleState:
         )
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class AuvState(VehicleState):
+class AuvState(VehicleState, frozen=True, kw_only=True):
     """Where an AUV is, and how far along its leg."""
 
     surfaced: bool

@@ -10,10 +10,10 @@ from __future__ import annotations
 
 import math
 import struct
-from dataclasses import dataclass
 from functools import cache
 from typing import Any
 
+import msgspec
 import numpy as np
 from rosbags.typesys import Stores, get_typestore
 
@@ -26,15 +26,13 @@ NANOSECONDS = 1_000_000_000
 _store = get_typestore(Stores.ROS2_JAZZY)
 
 
-@dataclass(frozen=True, slots=True)
-class Text:
+class Text(msgspec.Struct, frozen=True):
     """std_msgs/String: JSON, encoded as UTF-8."""
 
     data: bytes
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Odometry:
+class Odometry(msgspec.Struct, frozen=True, kw_only=True):
     """nav_msgs/Odometry in frame ``map``; twist is in the vehicle's frame (forward only)."""
 
     stamp_s: float
@@ -45,8 +43,7 @@ class Odometry:
     speed_mps: float
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class TrackPath:
+class TrackPath(msgspec.Struct, frozen=True, kw_only=True):
     """nav_msgs/Path in frame ``map``, at a height."""
 
     stamp_s: float
@@ -54,8 +51,7 @@ class TrackPath:
     z_m: float = 0.0
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class PoseSetpoint:
+class PoseSetpoint(msgspec.Struct, frozen=True, kw_only=True):
     """geometry_msgs/PoseStamped in frame ``map``."""
 
     stamp_s: float
@@ -64,8 +60,7 @@ class PoseSetpoint:
     heading_rad: float
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Occupancy:
+class Occupancy(msgspec.Struct, frozen=True, kw_only=True):
     """nav_msgs/OccupancyGrid; values -1 (unknown) or 0 ... 100, row by row from the south."""
 
     stamp_s: float
@@ -73,8 +68,7 @@ class Occupancy:
     values: tuple[tuple[int, ...], ...]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ColouredCells:
+class ColouredCells(msgspec.Struct, frozen=True, kw_only=True):
     """One marker: squares of a width, each with an (r, g, b) colour from 0 to 1."""
 
     name: str
@@ -83,16 +77,14 @@ class ColouredCells:
     width_m: float
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Markers:
+class Markers(msgspec.Struct, frozen=True, kw_only=True):
     """visualization_msgs/MarkerArray in frame ``map``."""
 
     stamp_s: float
     cells: tuple[ColouredCells, ...]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Diagnostic:
+class Diagnostic(msgspec.Struct, frozen=True, kw_only=True):
     """One diagnostic_msgs/DiagnosticStatus; level 0 OK, 1 WARN, 2 ERROR, 3 STALE."""
 
     name: str
@@ -101,16 +93,14 @@ class Diagnostic:
     values: tuple[tuple[str, str], ...]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Diagnostics:
+class Diagnostics(msgspec.Struct, frozen=True, kw_only=True):
     """diagnostic_msgs/DiagnosticArray."""
 
     stamp_s: float
     statuses: tuple[Diagnostic, ...]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ClockTime:
+class ClockTime(msgspec.Struct, frozen=True, kw_only=True):
     """rosgraph_msgs/Clock."""
 
     time_s: float

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import math
 from bisect import bisect_right
-from dataclasses import replace
 from itertools import accumulate, count, pairwise
 from typing import TYPE_CHECKING
 
 import pytest
+from msgspec.structs import replace
 
 from msgs_json.driver_checks import BrokenRuleError, check_auv_driver, check_uav_driver
 from msgs_json.driver_checks.auv_rules import AUV_RULES
