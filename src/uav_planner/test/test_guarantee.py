@@ -17,6 +17,9 @@ from uav_planner.candidate_paths import every_tie_order, walk_table
 from uav_planner.guarantee import GuaranteedPaths, guaranteed_sortie, initial_problem
 from uav_planner.guarantee_oracle import (
     count_refusals,
+    legs_after,
+    meeting_request,
+    next_sortie,
     paths_from,
     places_of,
     reachable_meetings,
@@ -48,10 +51,6 @@ LARGE_BOARDS = {
     'block': BLOCK,
     'three': replace(STRIP, cols=3, paths=(*STRIP.paths[:1], ((2, 0), (1, 0)), ((1, 0), (2, 0)))),
 }
-
-
-def unexplored(mission: MissionSpec) -> np.ndarray:
-    return np.ones((mission.grid.rows, mission.grid.cols))
 
 
 # --- the induction step, by brute force ----------------------------------------------------------
@@ -148,40 +147,24 @@ def test_whatever_is_chosen_and_wherever_auvs_surface_the_limit_is_kept(
     start: tuple[MissionSpec, tuple[SurveyLeg, ...]], data: st.DataObject
 ) -> None:
     mission, legs = start
-    values = unexplored(mission)
     for _ in range(3):
         sortie = guaranteed_sortie(SortieRequest(mission=mission, legs=legs, now_s=0.0))
         assert sortie.worst_case_s <= mission.sortie_limit_s
-        searches = {
-            auv: tuple(each.point for each in waypoints)
-            for auv, waypoints in itertools.groupby(sortie.route, key=lambda each: each.auv)
-        }
-        assert set(searches) == {leg.auv for leg in legs}, 'every AUV is visited'
-        legs = tuple(
-            replace(leg, search=searches[leg.auv], prospect=Prospect.ENDS) for leg in legs
-        )
+        assert {each.auv for each in sortie.route} == {leg.auv for leg in legs}, 'all are visited'
+        legs = next_sortie(mission, legs)
         for index in data.draw(st.permutations(range(len(legs)))):  # out of turn as well
             leg = legs[index]
-            cell, behind = data.draw(st.sampled_from(places_of((leg.path, leg.behind))))
-            request = PlanRequest(
-                mission=mission,
-                values=values,
-                auv=leg.auv,
-                cell=cell,
-                behind=behind,
-                legs=legs,
-                now_s=0.0,
-            )
+            place = data.draw(st.sampled_from(places_of((leg.path, leg.behind))))
+            request = meeting_request(mission, legs, leg.auv, place)
             guaranteed = GuaranteedPaths(request)
             assert guaranteed.stay.round_ticks <= mission.limit_ticks
-            choices = [path for path in paths_from(mission, cell) if guaranteed.allows(path)]
+            choices = [
+                path for path in paths_from(mission, request.cell) if guaranteed.allows(path)
+            ]
             offer = guaranteed.stay
             if choices:  # the longest ones are the riskiest
                 offer = guaranteed.offer(data.draw(st.sampled_from(choices[-5:])))
-            new = replace(
-                leg, path=offer.path, behind=behind, search=offer.search, prospect=Prospect.STAYS
-            )
-            legs = (*legs[:index], new, *legs[index + 1 :])
+            legs = legs_after(request, offer)
 
 
 @settings(deadline=None)
@@ -190,29 +173,15 @@ def test_many_paths_at_once_are_judged_as_one_at_a_time(
     start: tuple[MissionSpec, tuple[SurveyLeg, ...]], data: st.DataObject
 ) -> None:
     mission, legs = start
-    sortie = guaranteed_sortie(SortieRequest(mission=mission, legs=legs, now_s=0.0))
     legs = tuple(
-        replace(
-            leg,
-            search=tuple(each.point for each in sortie.route if each.auv == leg.auv),
-            prospect=data.draw(st.sampled_from(Prospect)),
-        )
-        for leg in legs
+        replace(leg, prospect=data.draw(st.sampled_from(Prospect)))
+        for leg in next_sortie(mission, legs)
     )
     leg = data.draw(st.sampled_from(legs))
-    cell, behind = data.draw(st.sampled_from(places_of((leg.path, leg.behind))))
-    guaranteed = GuaranteedPaths(
-        PlanRequest(
-            mission=mission,
-            values=unexplored(mission),
-            auv=leg.auv,
-            cell=cell,
-            behind=behind,
-            legs=legs,
-            now_s=0.0,
-        )
-    )
-    for _, paths in itertools.groupby(paths_from(mission, cell), key=len):
+    place = data.draw(st.sampled_from(places_of((leg.path, leg.behind))))
+    request = meeting_request(mission, legs, leg.auv, place)
+    guaranteed = GuaranteedPaths(request)
+    for _, paths in itertools.groupby(paths_from(mission, request.cell), key=len):
         same_length = list(paths)
         tracks = np.array([path[::-1] for path in same_length]).transpose(2, 1, 0)
         assert guaranteed.round_ticks_each(tracks).tolist() == [
@@ -234,7 +203,8 @@ REFERENCE = MissionSpec(
     path_cells=6,
     min_path_cells=1,
 )
-REFERENCE_PATHS: tuple[Path, ...] = (((3, 7), (4, 7)), ((2, 9), (3, 9)), ((1, 2), (1, 1)))
+INITIAL_LEGS = legs_of([((3, 7), (4, 7)), ((2, 9), (3, 9)), ((1, 2), (1, 1))])
+FIRST_SORTIE = next_sortie(REFERENCE, INITIAL_LEGS)
 
 
 @settings(deadline=None)
@@ -263,7 +233,7 @@ def test_a_sortie_leaves_as_early_as_the_limit_and_the_first_deadline_allow(
 
 
 def test_an_initial_state_that_cannot_keep_the_limit_is_named() -> None:
-    legs = legs_of(REFERENCE_PATHS)
+    legs = INITIAL_LEGS
     assert initial_problem(REFERENCE, legs) is None
     assert initial_problem(replace(REFERENCE, sortie_limit_s=40.0), legs) == (
         'to search the initial paths of all AUVs takes up to 45 s, the sortie limit is 40 s'
@@ -281,26 +251,18 @@ def order_of(request: SortieRequest) -> list[str]:
     return list(dict.fromkeys(waypoint.auv for waypoint in route))
 
 
-def searched(legs: tuple[SurveyLeg, ...]) -> tuple[SurveyLeg, ...]:
-    route = guaranteed_sortie(SortieRequest(mission=REFERENCE, legs=legs, now_s=0.0)).route
-    return tuple(
-        replace(leg, search=tuple(each.point for each in route if each.auv == leg.auv))
-        for leg in legs
-    )
-
-
 def test_a_sortie_goes_to_all_in_visiting_order_and_first_to_those_not_reached() -> None:
-    request = SortieRequest(mission=REFERENCE, legs=searched(legs_of(REFERENCE_PATHS)), now_s=0.0)
+    request = SortieRequest(mission=REFERENCE, legs=FIRST_SORTIE, now_s=0.0)
     assert order_of(request) == ['auv_1', 'auv_2', 'auv_3']
     assert order_of(replace(request, overlooked=frozenset({'auv_3'})))[0] == 'auv_3'
 
 
 def test_where_not_all_can_be_visited_those_not_reached_come_before_those_astray() -> None:
-    legs = searched(legs_of(REFERENCE_PATHS))
     tight = replace(REFERENCE, sortie_limit_s=30.0)  # a round to all takes 45 s
-    request = SortieRequest(mission=tight, legs=legs, now_s=0.0)
+    request = SortieRequest(mission=tight, legs=FIRST_SORTIE, now_s=0.0)
     assert order_of(request) == ['auv_1']
-    astray = replace(request, legs=(replace(legs[0], prospect=Prospect.ASTRAY), *legs[1:]))
+    first, *others = FIRST_SORTIE
+    astray = replace(request, legs=(replace(first, prospect=Prospect.ASTRAY), *others))
     assert order_of(astray) == ['auv_3']
     assert order_of(replace(request, overlooked=frozenset({'auv_3'}))) == ['auv_3']
 
@@ -310,14 +272,7 @@ def test_where_not_all_can_be_visited_those_not_reached_come_before_those_astray
 
 def met_first(**changes: object) -> PlanRequest:
     """Return the first meeting of the reference mission."""
-    request = PlanRequest(
-        mission=REFERENCE,
-        values=unexplored(REFERENCE),
-        auv='auv_1',
-        cell=(4, 7),
-        legs=searched(legs_of(REFERENCE_PATHS)),
-        now_s=14.0,
-    )
+    request = meeting_request(REFERENCE, FIRST_SORTIE, 'auv_1', ((4, 7), None))
     return replace(request, **changes)
 
 

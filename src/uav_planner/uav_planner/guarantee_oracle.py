@@ -37,6 +37,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from msgs_json.geometry import Point
+    from uav_planner.guarantee import Offer
     from uav_planner.planning import MissionSpec
 
 Path = tuple[Cell, ...]
@@ -96,44 +97,28 @@ def reachable_meetings(
         L cannot be kept from the beginning.
 
     """
-    values = np.ones((mission.grid.rows, mission.grid.cols))
-    waiting = [(_next_sortie(mission, legs), 0)]
+    waiting = [(next_sortie(mission, legs), 0)]
     seen = set(waiting)
     while waiting:
         state, turn = waiting.pop()
         leg = state[turn]
-        for cell, behind in places_of((leg.path, leg.behind)):
-            request = PlanRequest(
-                mission=mission,
-                values=values,
-                auv=leg.auv,
-                cell=cell,
-                behind=behind,
-                legs=state,
-                now_s=0.0,
-            )
+        for place in places_of((leg.path, leg.behind)):
+            request = meeting_request(mission, state, leg.auv, place)
             guaranteed = GuaranteedPaths(request)
             yield MeetingState(request, guaranteed)
-            for path in paths_from(mission, cell):
+            for path in paths_from(mission, request.cell):
                 if not guaranteed.allows(path):
                     continue
-                new = replace(
-                    leg,
-                    path=path,
-                    behind=behind,
-                    search=guaranteed.offer(path).search,
-                    prospect=Prospect.STAYS,
-                )
-                following = (*state[:turn], new, *state[turn + 1 :])
+                following = legs_after(request, guaranteed.offer(path))
                 after = (following, turn + 1)
                 if turn + 1 == len(state):
-                    after = (_next_sortie(mission, following), 0)
+                    after = (next_sortie(mission, following), 0)
                 if after not in seen:
                     seen.add(after)
                     waiting.append(after)
 
 
-def _next_sortie(mission: MissionSpec, legs: tuple[SurveyLeg, ...]) -> tuple[SurveyLeg, ...]:
+def next_sortie(mission: MissionSpec, legs: tuple[SurveyLeg, ...]) -> tuple[SurveyLeg, ...]:
     """Return the legs as the next sortie searches them."""
     route = guaranteed_sortie(SortieRequest(mission=mission, legs=legs, now_s=0.0)).route
     return tuple(
@@ -143,6 +128,38 @@ def _next_sortie(mission: MissionSpec, legs: tuple[SurveyLeg, ...]) -> tuple[Sur
             prospect=Prospect.ENDS,
         )
         for leg in legs
+    )
+
+
+def meeting_request(
+    mission: MissionSpec, legs: tuple[SurveyLeg, ...], auv: str, place: Place
+) -> PlanRequest:
+    """Return the request when an AUV is met at a place; nothing is explored yet."""
+    cell, behind = place
+    return PlanRequest(
+        mission=mission,
+        values=np.ones((mission.grid.rows, mission.grid.cols)),
+        auv=auv,
+        cell=cell,
+        behind=behind,
+        legs=legs,
+        now_s=0.0,
+    )
+
+
+def legs_after(request: PlanRequest, offer: Offer) -> tuple[SurveyLeg, ...]:
+    """Return all legs once the AUV that was met has its new path."""
+    return tuple(
+        replace(
+            leg,
+            path=offer.path,
+            behind=request.behind,
+            search=offer.search,
+            prospect=Prospect.STAYS,
+        )
+        if leg.auv == request.auv
+        else leg
+        for leg in request.legs
     )
 
 
