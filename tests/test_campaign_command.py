@@ -7,41 +7,18 @@ import signal
 import sqlite3
 import subprocess
 import sys
-import time
 from collections.abc import Callable, Iterator
 from contextlib import closing, contextmanager
 from pathlib import Path
 
 import msgspec
 import pytest
+from patience import PATIENCE_S, wait_until
 
 from c3_station.campaign_mission import MissionResult
 from c3_station.campaign_store import STORE, CampaignStore
 from c3_station.cli import main
 from c3_station.exit_codes import ExitCode
-
-TINY = """
-name: tiny
-description: one AUV, nine cells
-region: {cols: 3, rows: 3, cell_m: 10.0}
-c3: {east_m: 15.0, north_m: 0.0}
-uav: {speed_mps: 4.0}
-auvs:
-  - {name: auv_1, initial_path: [[0, 0], [0, 1]], surfacing: {model: early, probability: 0.3}}
-radio: {range_m: 20.0}
-sortie: {limit_s: 60.0}
-planner: {name: ecc2009, path_cells: 4}
-max_mission_s: 2000
-"""
-
-PATIENCE_S = 60.0
-
-
-@pytest.fixture
-def tiny(tmp_path: Path) -> Path:
-    path = tmp_path / 'tiny.yaml'
-    path.write_text(TINY)
-    return path
 
 
 def run(*words: object) -> int:
@@ -118,7 +95,7 @@ def test_a_scenario_that_has_changed_does_not_pass_for_the_old_one(
     tiny: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     run(tiny, '--missions', 1, '--jobs', 1, '--out', tmp_path / 'out')
-    tiny.write_text(TINY.replace('range_m: 20.0', 'range_m: 25.0'))
+    tiny.write_text(tiny.read_text().replace('range_m: 20.0', 'range_m: 25.0'))
     capsys.readouterr()
     assert run('--mission', tmp_path / 'out', 1) == ExitCode.FAILED
     assert 'has changed since' in capsys.readouterr().out
@@ -281,13 +258,6 @@ def flown(out: Path) -> int:
     with closing(sqlite3.connect(out / STORE)) as database:
         (count,) = database.execute('select count(*) from missions').fetchone()
     return int(count)
-
-
-def wait_until(holds: Callable[[], bool]) -> None:
-    give_up_s = time.monotonic() + PATIENCE_S
-    while not holds():
-        assert time.monotonic() < give_up_s
-        time.sleep(0.02)
 
 
 def members(group: int) -> dict[int, str]:

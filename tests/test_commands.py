@@ -10,27 +10,6 @@ import pytest
 from c3_station.cli import main
 from c3_station.exit_codes import ExitCode
 
-TINY = """
-name: tiny
-description: one AUV, nine cells
-region: {cols: 3, rows: 3, cell_m: 10.0}
-c3: {east_m: 15.0, north_m: 0.0}
-uav: {speed_mps: 4.0}
-auvs:
-  - {name: auv_1, initial_path: [[0, 0], [0, 1]]}
-radio: {range_m: 20.0}
-sortie: {limit_s: 60.0}
-planner: {name: ecc2009, path_cells: 4}
-max_mission_s: 2000
-"""
-
-
-@pytest.fixture
-def tiny(tmp_path: Path) -> Path:
-    path = tmp_path / 'tiny.yaml'
-    path.write_text(TINY)
-    return path
-
 
 def run(*words: object) -> int:
     return main([str(word) for word in words])
@@ -73,7 +52,7 @@ def test_without_a_bag_the_figures_are_the_same(tiny: Path, tmp_path: Path) -> N
 def test_exit_code_tells_a_failed_pass_condition(
     tiny: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    tiny.write_text(TINY + 'pass: {explored_s: {max: 1.0}}\n')
+    tiny.write_text(tiny.read_text() + 'pass: {explored_s: {max: 1.0}}\n')
     assert run('run', tiny, '--no-ros', '--no-bag', '--out', tmp_path / 'run') == ExitCode.FAILED
     told = capsys.readouterr().out
     assert 'explored_s' in told

@@ -1,0 +1,27 @@
+"""What several of these tests begin with."""
+
+from pathlib import Path
+
+import pytest
+
+TINY = """
+name: tiny
+description: one AUV, nine cells
+region: {cols: 3, rows: 3, cell_m: 10.0}
+c3: {east_m: 15.0, north_m: 0.0}
+uav: {speed_mps: 4.0}
+auvs:
+  - {name: auv_1, initial_path: [[0, 0], [0, 1]], surfacing: {model: early, probability: 0.3}}
+radio: {range_m: 20.0}
+sortie: {limit_s: 60.0}
+planner: {name: ecc2009, path_cells: 4}
+max_mission_s: 2000
+"""
+
+
+@pytest.fixture
+def tiny(tmp_path: Path) -> Path:
+    """Return the file of a scenario that is flown in no time; it draws random numbers."""
+    path = tmp_path / 'tiny.yaml'
+    path.write_text(TINY)
+    return path
