@@ -51,7 +51,7 @@ def test_a_campaign_leaves_its_results_a_table_and_a_report(
         assert store.missing() == []
     told = capsys.readouterr().out
     assert '16 missions in 0:00:' in told
-    assert told.count('surfacing=early_50 sortie.limit_s=40') >= 1
+    assert 'surfacing=early_50 sortie.limit_s=40' in told
     assert f'report: {out}/report.html' in told
     assert 'Shearwater campaign report' in (out / 'report.html').read_text()
 
@@ -105,7 +105,7 @@ def test_violations_fail_a_campaign_only_if_asked_for(tmp_path: Path) -> None:
     words = ('--missions', 2, '--planner', 'ecc2009', '--vary', 'surfacing=mixed', '--jobs', 1)
     out = ('--out', tmp_path / 'out')
     assert run('ecc2009', *words, *out) == ExitCode.OK
-    assert all(result.violations for result in rows(tmp_path / 'out'))
+    assert [result.violations > 0 for result in rows(tmp_path / 'out')] == [True, True]
     assert run('--report', tmp_path / 'out') == ExitCode.OK
     assert run('--report', tmp_path / 'out', '--fail-on-violation') == ExitCode.FAILED
 
@@ -161,7 +161,7 @@ def test_another_campaign_does_not_go_into_the_same_folder(
     run(tiny, '--missions', 2, '--jobs', 1, '--out', out)
     capsys.readouterr()
     assert run(tiny, '--missions', 3, '--out', out) == ExitCode.BAD_INPUT
-    message = ' '.join(capsys.readouterr().err.split())
+    message = capsys.readouterr().err
     assert 'holds another campaign: its seeds are 0 to 1; asked for are 0 to 2' in message
     assert len(rows(out)) == 2
     (tmp_path / 'thesis').mkdir()
@@ -180,9 +180,7 @@ def test_results_of_two_kinds_of_code_are_not_mixed(
     change(out, 'delete from missions where number = 2')
     capsys.readouterr()
     assert run('--resume', out) == ExitCode.BAD_INPUT
-    assert 'code another; results of both are not mixed' in ' '.join(
-        capsys.readouterr().err.split()
-    )
+    assert 'code another; results of both are not mixed' in capsys.readouterr().err
 
 
 # --- bad input -----------------------------------------------------------------------------------
@@ -192,7 +190,7 @@ def test_results_of_two_kinds_of_code_are_not_mixed(
     ('words', 'told'),
     [
         ((), 'no scenario is named'),
-        (('ecc2008',), 'ecc2009'),
+        (('ecc2008',), 'did you mean ecc2009?'),
         (('ecc2009', '--planner', 'magic'), "unknown planner 'magic'"),
         (('ecc2009', '--planner', 'ecc2009,'), "unknown planner ''"),
         (('ecc2009', '--vary', 'sortie.limit=5'), 'did you mean limit_s?'),
@@ -210,9 +208,8 @@ def test_bad_input_is_one_clear_message(
     words: tuple[object, ...], told: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert run(*words) == ExitCode.BAD_INPUT
-    message = ' '.join(capsys.readouterr().err.split())
+    (message,) = capsys.readouterr().err.splitlines()
     assert told in message
-    assert 'Traceback' not in message
 
 
 @pytest.mark.parametrize('number', ['0', '3', '1.5', 'two'])
@@ -221,7 +218,7 @@ def test_a_mission_that_is_not_there_is_refused(
 ) -> None:
     run(tiny, '--missions', 2, '--jobs', 1, '--out', tmp_path / 'out')
     assert run('--mission', tmp_path / 'out', number) == ExitCode.BAD_INPUT
-    assert 'allowed: 1 to 2' in ' '.join(capsys.readouterr().err.split())
+    assert 'allowed: 1 to 2' in capsys.readouterr().err
 
 
 @pytest.mark.parametrize('count', ['0', '-3', 'many', '1e3'])
@@ -360,7 +357,7 @@ def test_without_dask_its_option_says_what_to_install(
     monkeypatch.setitem(sys.modules, 'distributed', None)
     code = run(tiny, '--dask', 'tcp://127.0.0.1:1', '--out', tmp_path / 'out')
     assert code == ExitCode.BAD_INPUT
-    message = ' '.join(capsys.readouterr().err.split())
+    message = capsys.readouterr().err
     assert message.startswith('--dask: Dask is not installed')
     assert 'pip install distributed' in message
 
@@ -394,7 +391,7 @@ def test_a_dask_cluster_that_cannot_be_used_is_named(
     def message(address: str) -> str:
         code = run(tiny, '--dask', address, '--out', tmp_path / 'out')
         assert code == ExitCode.BAD_INPUT
-        return ' '.join(capsys.readouterr().err.split())
+        return capsys.readouterr().err
 
     monkeypatch.setattr('c3_station.campaign_dask._CONNECT_S', 1)
     assert 'no scheduler answers there' in message('tcp://127.0.0.1:1')

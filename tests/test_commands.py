@@ -1,6 +1,7 @@
 """The command line, without ROS: what a person types, what comes back, which exit code."""
 
 import json
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -27,7 +28,7 @@ def test_a_run_without_ros_leaves_everything_it_promises(
     summary = json.loads((out / 'summary.json').read_text())
     assert summary['cells_explored'] == 9
     assert summary['samples_delivered'] == summary['samples_collected'] > 0
-    assert 'passed' in capsys.readouterr().out
+    assert 'passed: every condition of the scenario is met' in capsys.readouterr().out
 
 
 def test_report_makes_the_same_again_from_the_bag_alone(tiny: Path, tmp_path: Path) -> None:
@@ -55,8 +56,7 @@ def test_exit_code_tells_a_failed_pass_condition(
     tiny.write_text(tiny.read_text() + 'pass: {explored_s: {max: 1.0}}\n')
     assert run('run', tiny, '--no-ros', '--no-bag', '--out', tmp_path / 'run') == ExitCode.FAILED
     told = capsys.readouterr().out
-    assert 'explored_s' in told
-    assert '1' in told
+    assert re.search(r'not passed: explored_s is \d+, more than allowed: at most 1\n', told)
 
 
 def test_keys_are_set_for_one_run(tiny: Path, tmp_path: Path) -> None:
@@ -95,22 +95,21 @@ def test_force_never_removes_a_folder_that_is_no_run(
 @pytest.mark.parametrize(
     ('words', 'told'),
     [
-        (('run', 'ecc2008', '--no-ros'), 'ecc2009'),
-        (('run', 'ecc2009', '--no-ros', '--planner', 'magic'), 'magic'),
+        (('run', 'ecc2008', '--no-ros'), 'did you mean ecc2009?'),
+        (('run', 'ecc2009', '--no-ros', '--planner', 'magic'), "unknown planner 'magic'"),
         (('run', 'ecc2009', '--no-ros', '--set', 'sortie.limit_s=-5'), 'sortie.limit_s is -5'),
-        (('check', 'no/such/file.yaml'), 'no/such/file.yaml'),
-        (('report', 'no/such/bag'), 'no/such/bag'),
-        (('recover', 'no/such/bag'), 'no/such/bag'),
-        (('bench', 'warp'), 'warp'),
+        (('check', 'no/such/file.yaml'), 'no/such/file.yaml: there is no such file'),
+        (('report', 'no/such/bag'), 'no/such/bag: there is no such bag'),
+        (('recover', 'no/such/bag'), 'no/such/bag: there is no such bag'),
+        (('bench', 'warp'), "no benchmark 'warp'"),
     ],
 )
 def test_bad_input_is_one_clear_message(
-    words: tuple[str, ...], told: str, capsys: pytest.CaptureFixture[str], tmp_path: Path
+    words: tuple[str, ...], told: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert run(*words) == ExitCode.BAD_INPUT
-    message = capsys.readouterr().err
+    (message,) = capsys.readouterr().err.splitlines()
     assert told in message
-    assert 'Traceback' not in message
 
 
 def test_a_truncated_bag_is_named_and_can_be_mended(
