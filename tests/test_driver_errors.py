@@ -7,16 +7,15 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import pytest
+from mission_agents import make_agents
 
-from auv_sim.auv_params import make_auv
 from auv_sim.kernel import run_mission
 from auv_sim.world_params import make_world
-from c3_station.c3_params import make_c3
 from c3_station.node_params import mission_params
 from c3_station.scenario import Auv, PlannerChoice, Radio, Scenario, Sortie, Uav
 from msgs_json import codec
 from msgs_json.agent_shell import AgentShell, Frame
-from msgs_json.drivers import NoPorts, VehicleUnavailableError, find_driver
+from msgs_json.drivers import VehicleUnavailableError, find_driver
 from msgs_json.geometry import GridSpec, Point
 from msgs_json.guarded_agent import GuardedAgent
 from msgs_json.messages import (
@@ -30,7 +29,6 @@ from msgs_json.messages import (
 )
 from msgs_json.ros_messages import Text
 from msgs_json.topics import MISSION_EVENTS
-from uav_planner.uav_params import make_uav
 
 PARAMS = mission_params(
     Scenario(
@@ -140,9 +138,7 @@ def fly(trouble: Trouble) -> Log:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr('auv_sim.auv_params.find_driver', trouble.find_driver)
         patch.setattr('uav_planner.uav_params.find_driver', trouble.find_driver)
-        shells = {'c3': make_c3(PARAMS.c3), 'uav': make_uav(PARAMS.uav, NoPorts())}
-        shells |= {auv.name: make_auv(auv, NoPorts()) for auv in PARAMS.auvs}
-    guarded = {name: Guarded(shell) for name, shell in shells.items()}
+        guarded = {name: Guarded(shell) for name, shell in make_agents(PARAMS).items()}
     run_mission(make_world(PARAMS.world), guarded, log.note)
     return log
 

@@ -12,16 +12,14 @@ from collections.abc import Callable, Iterable
 
 import numpy as np
 import pytest
+from mission_agents import make_agents
 
-from auv_sim.auv_params import make_auv
 from auv_sim.kernel import run_mission
 from auv_sim.world_params import make_world
-from c3_station.c3_params import make_c3
 from c3_station.node_params import mission_params
 from c3_station.scenario import Auv, PlannerChoice, Radio, Scenario, Sortie, Uav
 from msgs_json import codec
 from msgs_json.agent_shell import Frame
-from msgs_json.drivers import NoPorts
 from msgs_json.geometry import Cell, GridSpec, Point
 from msgs_json.messages import (
     Acknowledged,
@@ -38,7 +36,6 @@ from msgs_json.messages import (
 from msgs_json.randomness import agent_rng
 from msgs_json.ros_messages import Text
 from msgs_json.topics import MISSION_EVENTS, MISSION_STATUS, RADIO_RX
-from uav_planner.uav_params import make_uav
 
 Said = Iterable[tuple[str, bytes]]
 Heard = list[tuple[str, bytes]]
@@ -157,13 +154,11 @@ class Log:
 
 def fly(seed: int, planner: str, *, loss: float, repeat: float, late: float) -> Log:
     params = mission_params(scenario(seed, planner))
-    shells = {'c3': make_c3(params.c3), 'uav': make_uav(params.uav, NoPorts())}
-    shells |= {auv.name: make_auv(auv, NoPorts()) for auv in params.auvs}
     world = make_world(params.world)
     gate = BadRadio(world.gate, seed, loss=loss, repeat=repeat, late=late)
     world.gate = gate  # type: ignore[method-assign]
     log = Log()
-    run_mission(world, shells, log)
+    run_mission(world, make_agents(params), log)
     return log
 
 

@@ -15,17 +15,15 @@ from dataclasses import dataclass, field
 
 import msgspec
 import pytest
+from mission_agents import make_agents
 
-from auv_sim.auv_params import make_auv
 from auv_sim.kernel import run_mission
 from auv_sim.world_params import make_world
-from c3_station.c3_params import make_c3
 from c3_station.node_params import mission_params
 from c3_station.scenario import Auv, PlannerChoice, Radio, Scenario, Sortie, Uav
 from msgs_json import codec
 from msgs_json.agent import Agent, Output, Transmit
 from msgs_json.agent_shell import AgentShell, Frame
-from msgs_json.drivers import NoPorts
 from msgs_json.geometry import GridSpec, Point
 from msgs_json.messages import (
     Acknowledged,
@@ -45,7 +43,6 @@ from msgs_json.messages import (
 )
 from msgs_json.ros_messages import Odometry, Text
 from msgs_json.topics import MISSION_EVENTS, ODOM, RADIO_STATUS, RADIO_TX
-from uav_planner.uav_params import make_uav
 
 MALLORY = 'mallory'
 """A vehicle with a radio that belongs to no mission; for the channel it is one more AUV."""
@@ -88,9 +85,7 @@ Shells = dict[str, AgentShell]
 
 def fly(meddle: Callable[[Shells], None] = lambda _: None) -> Mission:
     """Fly the mission with Mallory in the water, silent unless `meddle` says more."""
-    shells: Shells = {'c3': make_c3(PARAMS.c3), 'uav': make_uav(PARAMS.uav, NoPorts())}
-    shells |= {auv.name: make_auv(auv, NoPorts()) for auv in PARAMS.auvs}
-    shells[MALLORY] = Mallory()
+    shells = make_agents(PARAMS) | {MALLORY: Mallory()}
     meddle(shells)
     mission = Mission()
 
