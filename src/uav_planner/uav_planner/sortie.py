@@ -276,14 +276,13 @@ def _clear_each(
     step_m = mission.step_m
     way_m = centre_m - at_m
     distance_m = np.abs(way_m)
-    far = (distance_m > edge_m).nonzero()
-    if far[0].size == 0:
-        return
-    distance_m = distance_m[far]
+    is_far = distance_m > edge_m
     more = _whole_ticks_of_each((distance_m - range_m) / step_m)
     more += distance_m - more * step_m > edge_m
-    at_m[far] += np.minimum(more * step_m / distance_m, 1.0) * way_m[far]
-    ticks[far] += more
+    more *= is_far
+    # Where it is not far nothing is added, whatever it is divided by.
+    at_m += np.minimum(more * step_m / np.maximum(distance_m, range_m), 1.0) * way_m
+    ticks += more
 
 
 def _clear(
