@@ -153,20 +153,37 @@ class WalkTable:
         scores -= self.turn_costs
         return scores
 
+    def finds_new(self, values: NDArray[np.float64], start: Cell) -> NDArray[np.bool_]:
+        """Return of every walk whether it enters an unexplored cell: shape (walks,)."""
+        # Only the first window can hold a 1: where a walk comes back nothing is new.
+        entered = self._windows(values, start)[self.value_indices]
+        found: NDArray[np.bool_] = (entered == 1.0).any(axis=0)
+        return found
+
+    def at_ends(self, cells: NDArray[np.float64], start: Cell) -> NDArray[np.float64]:
+        """Return what a map holds where each walk ends, minus infinity outside: shape (walks,)."""
+        window = self._window(cells, start).ravel()
+        held: NDArray[np.float64] = window[self.value_indices[-1] % window.size]
+        return held
+
     def _windows(self, values: NDArray[np.float64], start: Cell) -> NDArray[np.float64]:
         """Return the values around a cell, minus infinity outside; whole, halved, and so on."""
+        halvings = 0.5 ** np.arange(self.moves + 1).reshape(-1, 1, 1)
+        windows: NDArray[np.float64] = halvings * self._window(values, start)
+        return windows.ravel()
+
+    def _window(self, cells: NDArray[np.float64], start: Cell) -> NDArray[np.float64]:
+        """Return the part of a map that walks can reach, minus infinity outside the map."""
         col, row = start
-        rows, cols = values.shape
+        rows, cols = cells.shape
         reach = self.moves
         window = np.full((2 * reach + 1, 2 * reach + 1), -np.inf)
         south, west = max(row - reach, 0), max(col - reach, 0)
         north, east = min(row + reach + 1, rows), min(col + reach + 1, cols)
         window[
             south - row + reach : north - row + reach, west - col + reach : east - col + reach
-        ] = values[south:north, west:east]
-        halvings = 0.5 ** np.arange(reach + 1).reshape(-1, 1, 1)
-        windows: NDArray[np.float64] = halvings * window
-        return windows.ravel()
+        ] = cells[south:north, west:east]
+        return window
 
     def path(self, walk: int, start: Cell) -> tuple[Cell, ...]:
         """Return the cells of one walk from a start cell, `P_0` included."""

@@ -40,7 +40,7 @@ What each cell between a path's end and the nearest unexplored one takes off its
 Less than a cell visited twice is worth, so that it decides only where little is left nearby.
 """
 
-BLOCKS = (64, 256, 1024)
+BLOCKS = (32, 128, 512)
 """So many paths are looked at at once, best first: often a few are enough."""
 
 
@@ -112,27 +112,51 @@ def _best_path(
     """
     Return the best of the walks that are allowed, None if none is.
 
+    If it finds nothing new, it is the best of those that do, if one is allowed: a longer round may
+    take off more than a new cell is worth, and the AUV would move to and fro for ever.
+    """
+    scores = _scores(request, table)
+    best = _best_walk(request, table, guaranteed, scores)
+    if best is None:
+        return None
+    path = table.path(best, request.cell)
+    if any(request.values[request.mission.grid.index(cell)] == 1.0 for cell in path[1:]):
+        return path
+    scores[~table.finds_new(request.values, request.cell)] = -np.inf
+    finder = _best_walk(request, table, guaranteed, scores)
+    return path if finder is None else table.path(finder, request.cell)
+
+
+def _best_walk(
+    request: PlanRequest,
+    table: WalkTable,
+    guaranteed: GuaranteedPaths,
+    scores: NDArray[np.float64],
+) -> int | None:
+    """
+    Return the walk of the best score, less its round's cost, among those allowed; None if none is.
+
     Looks at them by falling score, until no round could be short enough to make up for it.
     """
     cost_per_tick = ROUND_COST / request.mission.limit_ticks
     # The round costs at least what it costs without this AUV.
-    scores = _scores(request, table) - cost_per_tick * guaranteed.others_ticks
-    walks = np.argsort(-scores, kind='stable')[: np.count_nonzero(scores > -np.inf)]
+    scores_at_most = scores - cost_per_tick * guaranteed.others_ticks
+    walks = np.argsort(-scores_at_most)[: np.count_nonzero(scores > -np.inf)]
     best, best_score = None, -np.inf
     for block in _blocks(walks):
-        if scores[block[0]] <= best_score + TIE_MARGIN:
+        if scores_at_most[block[0]] < best_score - TIE_MARGIN:
             break
         ticks = guaranteed.round_ticks_each(table.tracks(block, request.cell))
-        allowed = ticks < np.inf
-        if not allowed.any():
+        full_scores = scores[block] - cost_per_tick * ticks
+        score = float(full_scores.max())
+        if score < best_score - TIE_MARGIN or score == -np.inf:
             continue
-        more_ticks = ticks[allowed] - guaranteed.others_ticks
-        full_scores = scores[block[allowed]] - cost_per_tick * more_ticks
-        if full_scores.max() > best_score + TIE_MARGIN:
-            best_score = float(full_scores.max())
-            ties = full_scores >= best_score - TIE_MARGIN
-            best = int(block[allowed][ties].min())  # the first in tie order
-    return None if best is None else table.path(best, request.cell)
+        first = int(block[full_scores >= score - TIE_MARGIN].min())  # in tie order
+        if best is None or score > best_score + TIE_MARGIN:
+            best, best_score = first, score
+        else:
+            best = min(best, first)
+    return best
 
 
 def _blocks(walks: NDArray[np.intp]) -> Iterator[NDArray[np.intp]]:
@@ -149,12 +173,12 @@ def _scores(request: PlanRequest, table: WalkTable) -> NDArray[np.float64]:
     """Return every walk's score by value, straightness and how near it ends to new cells."""
     scores = table.scores(request.values, request.cell)
     inside = scores > -np.inf
-    ends = np.array(request.cell).reshape(2, 1) + table.offsets[:, -1, inside]
-    scores[inside] -= DISTANCE_COST * _cells_to_unexplored(request.values)[ends[1], ends[0]]
+    moves_left = table.at_ends(_moves_to_unexplored(request.values), request.cell)
+    scores[inside] -= DISTANCE_COST * moves_left[inside]
     return scores
 
 
-def _cells_to_unexplored(values: NDArray[np.float64]) -> NDArray[np.float64]:
+def _moves_to_unexplored(values: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return for every cell how many moves the nearest unexplored one is away; 0 if none is."""
     moves = np.where(values == 1.0, 0.0, np.inf)
     if not np.isfinite(moves).any():
