@@ -167,6 +167,8 @@ class AuvAgent:
         return [Log(dived, now_s), Publish(PATH, track)]
 
     def _enter_cells(self, state: AuvState, now_s: float) -> list[Output]:
+        if state.waypoints_reached == self._reached:
+            return []
         newly_reached = self._cells_ahead[self._reached : state.waypoints_reached]
         self._reached = state.waypoints_reached
         return [self._enter(cell, now_s) for cell in newly_reached if cell is not None]
