@@ -31,6 +31,8 @@ from c3_station.scenario_files import load_scenario, shipped_scenarios
 from c3_station.summary import Summarizer, Summary
 from msgs_json import messages
 from msgs_json.driver_checks import check_uav_driver
+from uav_planner.guarantee_oracle import count_refusals
+from uav_planner.oracle_boards import BLOCK, STRIP, Board
 
 ROOT = Path(__file__).resolve().parents[1]
 README = ROOT / 'README.md'
@@ -221,6 +223,20 @@ def test_the_method_quotes_the_ensemble_as_it_is() -> None:
     assert f'explored after {explored[1]}' in words(ROOT / 'docs' / 'method.md')
     for page in (README, ROOT / 'docs' / 'method.md'):
         assert late[1] in words(page)
+
+
+@pytest.mark.parametrize(
+    'board', [STRIP, pytest.param(BLOCK, marks=pytest.mark.slow)], ids=['strip', 'block']
+)
+def test_the_guarantee_quotes_what_the_oracle_counts(board: Board) -> None:
+    count = count_refusals(board.mission, board.legs)
+    (row,) = re.findall(
+        rf'^\| {board.cols} x {board.rows} \| {board.moves} \| {board.speed_mps:g} m/s'
+        rf' \| {board.limit_s:g}, .*? s \| (.*) \|$',
+        text_of(ROOT / 'docs' / 'guarantee.md'),
+        flags=re.MULTILINE,
+    )
+    assert row == f'{count.paths:,} | {count.winning:,} | {count.refused:,}'
 
 
 # --- architecture -----------------------------------------------------------------------------
