@@ -7,10 +7,10 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import pytest
-from mission_agents import make_agents
 
 from auv_sim.kernel import run_mission
 from auv_sim.world_params import make_world
+from c3_station.in_process import make_agents
 from c3_station.node_params import mission_params
 from c3_station.scenario import Auv, PlannerChoice, Radio, Scenario, Sortie, Uav
 from msgs_json import codec

@@ -6,8 +6,9 @@ from auv_sim.auv_params import make_auv
 from auv_sim.kernel import Sink, run_mission
 from auv_sim.world_params import make_world
 from c3_station.c3_params import make_c3
-from c3_station.node_params import mission_params
+from c3_station.node_params import MissionParams, mission_params
 from c3_station.scenario import Scenario
+from msgs_json.agent_shell import AgentShell
 from msgs_json.drivers import NoPorts
 from uav_planner.planning import Planner
 from uav_planner.uav_params import make_uav
@@ -20,9 +21,13 @@ def fly(scenario: Scenario, sink: Sink, planner: Planner | None = None) -> None:
     A planner that is given flies instead of the one that the scenario names.
     """
     params = mission_params(scenario)
+    run_mission(make_world(params.world), make_agents(params, planner), sink)
+
+
+def make_agents(params: MissionParams, planner: Planner | None = None) -> dict[str, AgentShell]:
+    """Return the agents of a mission by name; simulated vehicles need no topics."""
     agents = {
         params.c3.name: make_c3(params.c3),
         params.uav.name: make_uav(params.uav, NoPorts(), planner),
     }
-    agents |= {auv.name: make_auv(auv, NoPorts()) for auv in params.auvs}
-    run_mission(make_world(params.world), agents, sink)
+    return agents | {auv.name: make_auv(auv, NoPorts()) for auv in params.auvs}
