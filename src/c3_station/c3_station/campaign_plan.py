@@ -31,6 +31,9 @@ _CHOSEN_ELSEWHERE = {'seed': '--seed', 'planner.name': '--planner', 'planner': '
 """Keys that every case sets itself."""
 
 
+_AS_IT_IS = 'as it is'
+
+
 class Case(msgspec.Struct, frozen=True, kw_only=True):
     """A scenario in one variation with one planner."""
 
@@ -45,7 +48,7 @@ class Case(msgspec.Struct, frozen=True, kw_only=True):
     @property
     def variation(self) -> str:
         """Return the changes in a line."""
-        return ' '.join(self.changes) or 'as it is'
+        return ' '.join(self.changes) or _AS_IT_IS
 
 
 class Campaign(msgspec.Struct, frozen=True, kw_only=True):
@@ -193,7 +196,8 @@ def _case(name: str, scenario: Scenario, changes: Sequence[Change], planner: str
     try:
         varied = with_choices(scenario, planner=planner, changes=changes)
     except ValueError as error:
-        raise ValueError(f'{name}, {" ".join(map(str, changes))}, {planner}: {error}') from None
+        variation = ' '.join(map(str, changes)) or _AS_IT_IS
+        raise ValueError(f'{name}, {variation}, {planner}: {error}') from None
     return Case(
         scenario=name,
         changes=tuple(map(str, changes)),

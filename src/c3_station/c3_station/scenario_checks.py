@@ -35,9 +35,9 @@ from msgs_json.messages import (
 )
 from msgs_json.straight_motion import Flow
 from uav_planner.guarantee import initial_problem
+from uav_planner.mission_order import UavSetup, mission_spec
 from uav_planner.planners import PLANNERS, make_planner
 from uav_planner.planning import SurveyLeg
-from uav_planner.uav_agent import UavSetup, mission_spec
 from uav_planner.uav_params import DRIVERS as UAV_DRIVERS
 
 if TYPE_CHECKING:
