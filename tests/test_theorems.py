@@ -47,10 +47,11 @@ from msgs_json.messages import (
 from msgs_json.ros_messages import Odometry
 from uav_planner.drivers.kinematic import make_driver
 from uav_planner.guarantee import guaranteed_sortie
+from uav_planner.mission_order import UavSetup
 from uav_planner.planners import make_planner
 from uav_planner.planning import MissionSpec, SortieRequest, SurveyLeg
 from uav_planner.sortie import Route, Waypoint, worst_case_s
-from uav_planner.uav_agent import UavAgent, UavSetup
+from uav_planner.uav_agent import UavAgent
 
 SORTIES = 3
 """So many are flown: later ones search the legs that earlier ones handed over."""

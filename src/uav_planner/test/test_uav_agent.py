@@ -48,10 +48,10 @@ from msgs_json.messages import (
 from msgs_json.ros_messages import TrackPath
 from msgs_json.topics import ODOM, ROUTE
 from uav_planner.candidate_paths import MOVES_MAX
+from uav_planner.hand_over import HAND_OVER_TICKS
 from uav_planner.planners.ecc2009 import Ecc2009Planner
 from uav_planner.planning import MissionSpec, Prospect, SurveyLeg
 from uav_planner.sortie import flight_time_s, lay_route, punctual_departure_s, worst_case_s
-from uav_planner.uav_agent import HAND_OVER_TICKS
 
 ORDER_TAKEN = Transmit('c3', taken(Acknowledged.MISSION_ORDER, 0))
 

@@ -38,10 +38,10 @@ from msgs_json.messages import (
 )
 from msgs_json.straight_motion import Flow
 from msgs_json.topics import ROUTE
+from uav_planner.hand_over import HAND_OVER_TICKS
 from uav_planner.planners.ecc2009 import Ecc2009Planner
 from uav_planner.planners.robust import RobustPlanner
 from uav_planner.planning import Planner, Prospect
-from uav_planner.uav_agent import HAND_OVER_TICKS
 
 if TYPE_CHECKING:
     from msgs_json.agent import Output

@@ -331,6 +331,20 @@ def test_one_that_asks_for_help_instead_of_taking_its_path_is_recovered(
     assert [each.auv for each in delivered.next_sortie.contacts] == ['auv_2']
 
 
+def test_one_that_asks_for_help_out_of_turn_and_is_then_not_found_is_given_up() -> None:
+    bench = Bench().ordered(lost_after_sorties=1)
+    bench.until(SortieDeparted)
+    bench.meet('auv_1')
+    bench.meet('auv_2', acknowledges=False)
+    bench.home()
+    bench.until(SortieDeparted)
+    assert bench.meet('auv_2', 0, outcome=LegOutcome.ABORTED) == []  # auv_1 comes first
+    output, delivered = bench.home()
+    assert of(GivenUp, events(output)) == [GivenUp(sortie=2, auv=auv) for auv in PATHS]
+    assert delivered.lost == ('auv_1', 'auv_2')
+    assert bench.agent.finished
+
+
 def test_a_lost_auv_that_comes_up_in_distress_is_recovered() -> None:
     bench = lost_without_an_answer(OneStep())
     output = bench.meet('auv_1', 0, outcome=LegOutcome.ABORTED)

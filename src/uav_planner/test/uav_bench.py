@@ -31,6 +31,7 @@ from msgs_json.messages import (
 from msgs_json.ros_messages import Odometry
 from msgs_json.straight_motion import STILL, Flow
 from uav_planner.drivers.kinematic import make_driver
+from uav_planner.mission_order import UavSetup
 from uav_planner.planning import (
     Planner,
     PlanRequest,
@@ -40,7 +41,7 @@ from uav_planner.planning import (
     SortieRequest,
 )
 from uav_planner.sortie import flight_time_s, lay_route, punctual_departure_s, worst_case_s
-from uav_planner.uav_agent import UavAgent, UavSetup
+from uav_planner.uav_agent import UavAgent
 
 # Two AUVs on a strip of 6 x 2 cells; C3 lies in its south-west corner. The UAV flies 5 m a tick
 # and hears 5 m far, so it is at most 5 m from the centre of a cell that it clears.

@@ -23,10 +23,10 @@ from msgs_json.messages import (
     SortieReport,
     SurfacingReport,
 )
+from uav_planner.mission_order import mission_spec
 from uav_planner.planners.robust import RobustPlanner
 from uav_planner.planning import SortieRequest, SurveyLeg
 from uav_planner.sortie import worst_case_s
-from uav_planner.uav_agent import mission_spec
 
 
 class Diver:

@@ -11,9 +11,10 @@ from msgs_json.drivers import DriverPorts, UavDriverSetup, find_driver
 from msgs_json.geometry import Point
 from msgs_json.params import Params, param
 from msgs_json.straight_motion import Flow
+from uav_planner.mission_order import UavSetup
 from uav_planner.planners import make_planner
 from uav_planner.planning import Planner
-from uav_planner.uav_agent import UavAgent, UavSetup
+from uav_planner.uav_agent import UavAgent
 
 DRIVERS = 'uav_planner.drivers'
 

@@ -1,0 +1,280 @@
+"""The AUVs as the UAV knows them: what they were told, and what they have surveyed."""
+
+from __future__ import annotations
+
+import itertools
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from msgs_json.agent import Output, Transmit
+from msgs_json.geometry import Cell, Point, is_before, path_length_m, surface_deadline_s
+from msgs_json.messages import (
+    Acknowledged,
+    Acknowledgement,
+    Leg,
+    LegOutcome,
+    PathAssignment,
+    RecoveryOrder,
+    RecoveryReason,
+    Sample,
+    SurfacingReport,
+)
+from uav_planner.exploration_map import ExplorationMap
+from uav_planner.hand_over import HAND_OVER_TICKS, HandOver, problem_with_report
+from uav_planner.planning import (
+    MissionSpec,
+    Planner,
+    PlanRequest,
+    PlanResult,
+    Prospect,
+    SurveyLeg,
+)
+
+if TYPE_CHECKING:
+    from collections.abc import Container
+
+    from msgs_json.messages import MissionOrder
+    from uav_planner.sortie import Route
+
+
+@dataclass(slots=True, kw_only=True)
+class _Auv:
+    """What the UAV knows of an AUV."""
+
+    speed_mps: float
+    leg: Leg
+    """The last one it was given."""
+    claimed: tuple[Cell, ...] = ()
+    """Cells of that leg's path that count as visited on the map, though not reported yet."""
+    behind: Cell | None = None
+    """The neighbour of the leg's first cell toward which it began."""
+    search: tuple[Point, ...] = ()
+    """The waypoints from which the leg is searched."""
+    searches_in_vain: int = 0
+    """Since it was last met."""
+    recovered: bool = False
+    lost: bool = False
+
+
+class Fleet:
+    """
+    The AUVs of a mission: the leg and the hand-over of each, and the map of their survey.
+
+    It knows nothing of the UAV's flight, only whom a sortie still goes to where it is told. A
+    meeting is `problem_with` the report, `take_over`, `hand_over`, then `answer`.
+
+    Parameters
+    ----------
+    order
+        The AUVs with their first legs, which count as told and taken.
+    mission
+        What the order means for planners.
+    planner
+        Chooses their next paths.
+
+    """
+
+    def __init__(self, order: MissionOrder, mission: MissionSpec, planner: Planner) -> None:
+        self.names = frozenset(auv.name for auv in order.auvs)
+        self._mission = mission
+        self._planner = planner
+        self._surface_margin_s = order.surface_margin_s
+        self._lost_after_sorties = order.lost_after_sorties
+        self._patience_s = max(HAND_OVER_TICKS * mission.tick_s, mission.handover_s)
+        self._map = ExplorationMap(order.region, [auv.leg.path[0] for auv in order.auvs])
+        self._auvs = {auv.name: _Auv(speed_mps=auv.speed_mps, leg=auv.leg) for auv in order.auvs}
+        for auv in self._auvs.values():
+            self._claim(auv, auv.leg.path)
+        self._hand_overs: dict[str, HandOver] = {}
+        """By AUV, until it acknowledges or reports from its next leg."""
+
+    # --- who and where ---------------------------------------------------------------------------
+
+    @property
+    def lost(self) -> tuple[str, ...]:
+        """Return the AUVs that are given up and were not heard since."""
+        return tuple(name for name, auv in self._auvs.items() if auv.lost)
+
+    def next_leg(self, name: str) -> Leg | None:
+        """Return the last leg an AUV was given; None when it was told to stay up for recovery."""
+        auv = self._auvs[name]
+        return None if auv.recovered else auv.leg
+
+    def survey_legs(self, to_meet: Container[str] = ()) -> tuple[SurveyLeg, ...]:
+        """Return the legs of all who survey, some of whom a sortie is still to meet."""
+        return tuple(
+            SurveyLeg(
+                auv=name,
+                path=auv.leg.path,
+                surface_deadline_s=auv.leg.surface_deadline_s,
+                behind=auv.behind,
+                search=auv.search,
+                prospect=self._prospect(name, to_meet),
+            )
+            for name, auv in self._auvs.items()
+            if not (auv.recovered or auv.lost)
+        )
+
+    def _prospect(self, name: str, to_meet: Container[str]) -> Prospect:
+        if self._auvs[name].searches_in_vain > 0:
+            return Prospect.ASTRAY
+        # One that did not confirm its path will be told the same again.
+        is_told = name in self._hand_overs
+        return Prospect.ENDS if name in to_meet and not is_told else Prospect.STAYS
+
+    # --- searches --------------------------------------------------------------------------------
+
+    def lay_searches(self, route: Route) -> None:
+        """Note from where a sortie searches the legs of those it goes to."""
+        for name, waypoints in itertools.groupby(route, key=lambda each: each.auv):
+            self._auvs[name].search = tuple(waypoint.point for waypoint in waypoints)
+
+    def searched_in_vain(self, name: str) -> bool:
+        """Count a search of an AUV; return whether it is given up, after so many."""
+        auv = self._auvs[name]
+        auv.searches_in_vain += 1
+        if auv.searches_in_vain < self._lost_after_sorties:
+            return False
+        auv.lost = True
+        self._release(auv)
+        return True
+
+    # --- a meeting -------------------------------------------------------------------------------
+
+    def heard(self, report: SurfacingReport) -> None:
+        """Note what a report tells of the hand-over under way, in turn or not."""
+        hand_over = self._hand_overs.get(report.auv)
+        if hand_over is None or hand_over.plan is None:
+            return
+        if hand_over.is_taken_by(report):
+            del self._hand_overs[report.auv]  # it speaks of its next leg
+        elif report.outcome is LegOutcome.ABORTED and hand_over.answers(report):
+            self._release(self._auvs[report.auv])
+            self._hand_overs[report.auv] = hand_over.called_off()
+
+    def problem_with(self, report: SurfacingReport) -> str | None:
+        """Return what contradicts the leg that its AUV was given, or None."""
+        if self._unanswered(report):
+            return None  # the same leg's end as at the meeting before
+        return problem_with_report(report, self._auvs[report.auv].leg, self._mission.grid)
+
+    def take_over(self, report: SurfacingReport) -> tuple[Sample, ...]:
+        """Note on the map what the AUV really visited; return its samples, once for each leg."""
+        if self._unanswered(report):
+            return ()
+        auv = self._auvs[report.auv]
+        self._claim(auv, auv.leg.path[: report.moves_done + 1])
+        self._map.confirm(auv.claimed)
+        auv.claimed = ()  # they stay visited
+        return report.samples
+
+    def hand_over(
+        self, report: SurfacingReport, to_meet: Container[str], now_s: float
+    ) -> PlanResult | None:
+        """Choose an AUV's next path; None where it is to stay up for recovery."""
+        auv = self._auvs[report.auv]
+        unanswered = self._unanswered(report)
+        plan = unanswered.plan if unanswered else None
+        # It still lies where the path begins that it was given then: the same path again, unless
+        # the others were given theirs without a thought of it.
+        if auv.searches_in_vain > 0:
+            plan = None
+        auv.lost, auv.searches_in_vain = False, 0
+        if plan is None:
+            self._release(auv)
+            plan = self._plan_path(report, to_meet, now_s)
+        path = plan.path if plan else ()
+        way = [report.position, *(self._mission.grid.centre(cell) for cell in path)]
+        is_aborted = report.outcome is LegOutcome.ABORTED
+        self._hand_overs[report.auv] = HandOver(
+            ended_leg_id=report.leg_id,
+            plan=plan,
+            reason=RecoveryReason.ABORTED if is_aborted else RecoveryReason.EXPLORED,
+            way_m=path_length_m(way),
+            begun_s=now_s,
+        )
+        return plan
+
+    def _plan_path(
+        self, report: SurfacingReport, to_meet: Container[str], now_s: float
+    ) -> PlanResult | None:
+        """Return an AUV's next path, already noted on the map; None where none is needed."""
+        if self._map.is_explored or report.outcome is LegOutcome.ABORTED:
+            return None
+        auv = self._auvs[report.auv]
+        behind = self._mission.grid.neighbour_toward(report.cell, report.position)
+        plan = self._planner.plan_path(
+            PlanRequest(
+                mission=self._mission,
+                values=self._map.values,
+                auv=report.auv,
+                cell=report.cell,
+                behind=behind,
+                legs=self.survey_legs(to_meet),
+                now_s=now_s,
+            )
+        )
+        self._claim(auv, plan.path)
+        auv.behind, auv.search = behind, plan.search
+        return plan
+
+    def answer(self, report: SurfacingReport, now_s: float) -> list[Output]:
+        """
+        Confirm custody and say what comes next, to an AUV that has not acknowledged that.
+
+        Said again, the deadline counts from then.
+        """
+        hand_over = self._unanswered(report)
+        if hand_over is None:
+            return []
+        name, auv = report.auv, self._auvs[report.auv]
+        custody = Acknowledgement(
+            acknowledges=Acknowledged.SURFACING_REPORT, reference=hand_over.ended_leg_id
+        )
+        if hand_over.plan is None:
+            auv.recovered = True
+            order = RecoveryOrder(auv=name, leg_id=hand_over.ended_leg_id, reason=hand_over.reason)
+            return [Transmit(name, custody), Transmit(name, order)]
+        auv.leg = Leg(
+            leg_id=hand_over.ended_leg_id + 1,
+            path=hand_over.plan.path,
+            surface_deadline_s=surface_deadline_s(
+                now_s,
+                hand_over.way_m,
+                auv.speed_mps,
+                self._surface_margin_s,
+                self._mission.tick_s,
+            ),
+        )
+        return [Transmit(name, custody), Transmit(name, PathAssignment(auv=name, leg=auv.leg))]
+
+    def acknowledged(self, name: str, message: Acknowledgement) -> None:
+        """Take an AUV's answer; one to something else says nothing."""
+        hand_over = self._hand_overs.get(name)
+        if hand_over is not None and message == hand_over.acknowledgement:
+            del self._hand_overs[name]
+
+    def is_awaiting(self, met: Container[str], now_s: float) -> bool:
+        """Return whether the answer of an AUV just met may still come."""
+        return any(
+            name in met and is_before(now_s, hand_over.begun_s + self._patience_s)
+            for name, hand_over in self._hand_overs.items()
+        )
+
+    def _unanswered(self, report: SurfacingReport) -> HandOver | None:
+        """Return what this leg's end was answered with, if the AUV has not acknowledged it."""
+        hand_over = self._hand_overs.get(report.auv)
+        return hand_over if hand_over is not None and hand_over.answers(report) else None
+
+    # --- the map ---------------------------------------------------------------------------------
+
+    def _claim(self, auv: _Auv, path: tuple[Cell, ...]) -> None:
+        """Let an AUV's path count as visited on the map, instead of what it claimed before."""
+        self._release(auv)
+        self._map.assign(path)
+        auv.claimed = path[1:]
+
+    def _release(self, auv: _Auv) -> None:
+        """Take back what an AUV claims, if it still does: its cells are for others, too."""
+        self._map.restore(auv.claimed)
+        auv.claimed = ()

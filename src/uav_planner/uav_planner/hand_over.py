@@ -1,0 +1,75 @@
+"""The hand-over at the end of a leg: the AUV's report is checked and answered until that ends."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+from msgs_json.messages import Acknowledged, Acknowledgement, RecoveryReason
+
+if TYPE_CHECKING:
+    from msgs_json.geometry import GridSpec
+    from msgs_json.messages import Leg, SurfacingReport
+    from uav_planner.planning import PlanResult
+
+HAND_OVER_TICKS = 5
+"""
+How long the UAV stays for an AUV's answer to its next path before it flies on.
+
+Without loss the answer comes within the tick. Else every tick is one more chance to be heard, but
+not for ever: an AUV that took its path is under water, and if its answer was lost none will come.
+"""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class HandOver:
+    """What an AUV was told after a leg and has not acknowledged."""
+
+    ended_leg_id: int
+    plan: PlanResult | None
+    """Its next path; None where it is to stay up for recovery."""
+    reason: RecoveryReason
+    """Why, if it is."""
+    way_m: float
+    """From where it lies through that path."""
+    begun_s: float
+
+    def answers(self, report: SurfacingReport) -> bool:
+        """Return whether a report is of the leg after which the AUV was told this."""
+        return report.leg_id == self.ended_leg_id
+
+    def is_taken_by(self, report: SurfacingReport) -> bool:
+        """Return whether a report shows that the AUV has taken its next path."""
+        return self.plan is not None and report.leg_id == self.ended_leg_id + 1
+
+    def called_off(self) -> HandOver:
+        """Return it without the path, for an AUV that asks for help instead of taking it."""
+        return replace(self, plan=None, reason=RecoveryReason.ABORTED)
+
+    @property
+    def acknowledgement(self) -> Acknowledgement:
+        """Return the answer that ends it."""
+        if self.plan is None:
+            return Acknowledgement(
+                acknowledges=Acknowledged.RECOVERY_ORDER, reference=self.ended_leg_id
+            )
+        return Acknowledgement(
+            acknowledges=Acknowledged.PATH_ASSIGNMENT, reference=self.ended_leg_id + 1
+        )
+
+
+def problem_with_report(report: SurfacingReport, leg: Leg, region: GridSpec) -> str | None:
+    """Return what contradicts the leg that was handed over, or None."""
+    if report.leg_id != leg.leg_id:
+        return f'leg_id must be {leg.leg_id}, is {report.leg_id}'
+    if report.moves_done >= len(leg.path):
+        return f'moves_done must be 0 ... {len(leg.path) - 1}, is {report.moves_done}'
+    if report.cell != leg.path[report.moves_done]:
+        return (
+            f'after {report.moves_done} moves cell must be {list(leg.path[report.moves_done])},'
+            f' is {list(report.cell)}'
+        )
+    for sample in report.samples:
+        if not region.contains(sample.cell):
+            return f'sample {sample.number} is from cell {list(sample.cell)}, outside the region'
+    return None

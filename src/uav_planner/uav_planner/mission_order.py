@@ -1,0 +1,60 @@
+"""The mission order as the UAV takes it: is it a mission, and what does it mean for planners."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from msgs_json.geometry import path_problem
+from uav_planner.planning import MissionSpec
+
+if TYPE_CHECKING:
+    from msgs_json.messages import MissionOrder
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class UavSetup:
+    """What the UAV knows before it gets its order."""
+
+    c3: str
+    """Name of the station."""
+    speed_mps: float
+    altitude_m: float
+    tick_s: float
+    arrival_radius_m: float
+    """Closer than this to a waypoint counts as there; 0 for a vehicle that arrives exactly."""
+
+
+def problem_with_order(order: MissionOrder, setup: UavSetup) -> str | None:
+    """Return why an order is no mission, or None."""
+    if order.radio_range_m <= setup.arrival_radius_m:
+        return (
+            f'radio_range_m must be more than the arrival radius of {setup.arrival_radius_m:g} m,'
+            f' is {order.radio_range_m:g}'
+        )
+    names = [auv.name for auv in order.auvs]
+    if len(set(names)) < len(names):
+        return f'AUVs must have different names, are {", ".join(names)}'
+    if order.min_path_cells > order.path_cells:
+        return f'min_path_cells is {order.min_path_cells}, path_cells {order.path_cells}'
+    for auv in order.auvs:
+        problem = path_problem(auv.leg.path, order.region)
+        if problem:
+            return f'path of {auv.name}: {problem}'
+    return None
+
+
+def mission_spec(order: MissionOrder, setup: UavSetup) -> MissionSpec:
+    """Return what an order means for the planners of a UAV."""
+    return MissionSpec(
+        grid=order.region,
+        c3=order.c3,
+        # It may hold that much short of a waypoint, and all of the leg must be heard there.
+        radio_range_m=order.radio_range_m - setup.arrival_radius_m,
+        uav_speed_mps=setup.speed_mps,
+        tick_s=setup.tick_s,
+        sortie_limit_s=order.sortie_limit_s,
+        path_cells=order.path_cells,
+        min_path_cells=order.min_path_cells,
+        handover_s=order.handover_s,
+    )
