@@ -7,6 +7,7 @@ msgspec checks the same and stops at the first; a file's author wants them all.
 from __future__ import annotations
 
 import difflib
+import functools
 import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated, Any, get_args, get_origin
@@ -55,7 +56,7 @@ def shape_problems(value: object, struct: type[msgspec.Struct]) -> list[Problem]
 def _struct_problems(
     value: object, struct: type[msgspec.Struct], path: KeyPath
 ) -> Iterator[Problem]:
-    fields = {field.encode_name: field for field in msgspec.structs.fields(struct)}
+    fields = _fields(struct)
     if not isinstance(value, dict):
         is_what = 'is empty' if value is None else f'is {shown(value)}'
         yield Problem(path, f'{is_what}; allowed: keys {", ".join(fields)}')
@@ -72,6 +73,12 @@ def _struct_problems(
     for key, field in fields.items():
         if key not in value and field.required:
             yield Problem((*path, key), f'is missing; it must be {_allowed(field.type)}')
+
+
+@functools.cache
+def _fields(struct: type[msgspec.Struct]) -> dict[str, msgspec.structs.FieldInfo]:
+    """Return the fields of a struct by key; kept, since to find their types takes long."""
+    return {field.encode_name: field for field in msgspec.structs.fields(struct)}
 
 
 def _problems(value: object, expected: Any, path: KeyPath) -> Iterator[Problem]:  # noqa: ANN401

@@ -46,7 +46,7 @@ from msgs_json.messages import (
     StayedUp,
     Surfaced,
 )
-from msgs_json.ros_messages import ClockTime, RosMessage, Text
+from msgs_json.ros_messages import ClockTime, Odometry, RosMessage, Text
 from msgs_json.topics import CLOCK, MISSION_EVENTS, MISSION_STATUS, RADIO_STATUS
 
 if TYPE_CHECKING:
@@ -236,7 +236,7 @@ class Summarizer:
 
     def frame(self, name: str, frame: Frame) -> None:
         """Take what a node publishes, as the in-process kernel passes it on."""
-        if isinstance(frame.message, ClockTime | Text):  # poses are many, and say nothing here
+        if not isinstance(frame.message, Odometry):  # many, and they say nothing here
             self.message(frame.topic.resolve(f'/{name}'), frame.message)
 
     def message(self, topic: str, message: RosMessage) -> None:

@@ -96,6 +96,7 @@ DOCUMENTED_TIE_ORDER = TieOrder()
 """East, north, west, south; the first move varies fastest. It reproduces the paper's mission."""
 
 
+@functools.cache
 def every_tie_order() -> tuple[TieOrder, ...]:
     """Return all 48 tie orders, the documented one first."""
     return tuple(

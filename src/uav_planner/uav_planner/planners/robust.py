@@ -40,7 +40,7 @@ What each cell between a path's end and the nearest unexplored one takes off its
 Less than a cell visited twice is worth, so that it decides only where little is left nearby.
 """
 
-BLOCKS = (32, 128, 512)
+BLOCKS = (64, 256, 1024)
 """So many paths are looked at at once, best first: often a few are enough."""
 
 
@@ -181,13 +181,13 @@ def _scores(request: PlanRequest, table: WalkTable) -> NDArray[np.float64]:
 def _moves_to_unexplored(values: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return for every cell how many moves the nearest unexplored one is away; 0 if none is."""
     moves = np.where(values == 1.0, 0.0, np.inf)
-    if not np.isfinite(moves).any():
+    if moves.min() > 0.0:
         return np.zeros(values.shape)
-    for places in np.ogrid[: values.shape[0], : values.shape[1]]:  # along columns, then rows
-        axis = int(np.argmax(places.shape))
-        from_below = np.minimum.accumulate(moves - places, axis) + places
-        from_above = np.flip(np.minimum.accumulate(np.flip(moves + places, axis), axis), axis)
-        moves = np.minimum(from_below, from_above - places)
+    for along in (moves, moves.T):  # views: along columns, then rows, in place
+        places = np.arange(float(len(along))).reshape(-1, 1)
+        from_before = np.minimum.accumulate(along - places) + places
+        from_behind = np.minimum.accumulate((along + places)[::-1])[::-1] - places
+        np.minimum(from_before, from_behind, out=along)
     return moves
 
 
