@@ -112,19 +112,25 @@ def _best_path(
     """
     Return the best of the walks that are allowed, None if none is.
 
-    If it finds nothing new, it is the best of those that do, if one is allowed: a longer round may
-    take off more than a new cell is worth, and the AUV would move to and fro for ever.
+    If it neither finds anything new nor ends nearer to it, it is the best of those that do, if one
+    is allowed: a longer round may take off more than that is worth, and the AUV would move to and
+    fro for ever.
     """
-    scores = _scores(request, table)
+    moves_left = _moves_to_unexplored(request.values)
+    at_ends = table.at_ends(moves_left, request.cell)
+    scores = table.scores(request.values, request.cell)
+    inside = scores > -np.inf
+    scores[inside] -= DISTANCE_COST * at_ends[inside]
     best = _best_walk(request, table, guaranteed, scores)
     if best is None:
         return None
-    path = table.path(best, request.cell)
-    if any(request.values[request.mission.grid.index(cell)] == 1.0 for cell in path[1:]):
-        return path
-    scores[~table.finds_new(request.values, request.cell)] = -np.inf
-    finder = _best_walk(request, table, guaranteed, scores)
-    return path if finder is None else table.path(finder, request.cell)
+    gets_on = table.finds_new(request.values, request.cell)
+    gets_on |= at_ends < moves_left[request.mission.grid.index(request.cell)]
+    if not gets_on[best]:
+        scores[~gets_on] = -np.inf
+        other = _best_walk(request, table, guaranteed, scores)
+        best = best if other is None else other
+    return table.path(best, request.cell)
 
 
 def _best_walk(
@@ -167,15 +173,6 @@ def _blocks(walks: NDArray[np.intp]) -> Iterator[NDArray[np.intp]]:
             return
         yield walks[first : first + size]
         first += size
-
-
-def _scores(request: PlanRequest, table: WalkTable) -> NDArray[np.float64]:
-    """Return every walk's score by value, straightness and how near it ends to new cells."""
-    scores = table.scores(request.values, request.cell)
-    inside = scores > -np.inf
-    moves_left = table.at_ends(_moves_to_unexplored(request.values), request.cell)
-    scores[inside] -= DISTANCE_COST * moves_left[inside]
-    return scores
 
 
 def _moves_to_unexplored(values: NDArray[np.float64]) -> NDArray[np.float64]:
