@@ -9,7 +9,7 @@ Arrays over cells are indexed ``[row, col]``; files and messages write a cell as
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from itertools import pairwise
 from typing import Annotated
 
@@ -90,23 +90,25 @@ class GridSpec(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=
         row = math.floor(point.north_m / self.cell_m)
         return (min(max(col, 0), self.cols - 1), min(max(row, 0), self.rows - 1))
 
-    def neighbour_toward(self, cell: Cell, point: Point) -> Cell | None:
+    def neighbours(self, cell: Cell) -> tuple[Cell, ...]:
+        """Return the up to 4 cells of the region beside a cell: east, north, west, south."""
+        col, row = cell
+        around = ((col + 1, row), (col, row + 1), (col - 1, row), (col, row - 1))
+        return tuple(each for each in around if self.contains(each))
+
+    def neighbour_toward(self, cell: Cell, point: Point, among: Iterable[Cell]) -> Cell | None:
         """Return the neighbour on whose side of a cell's centre a point lies, None if on none."""
         centre = self.centre(cell)
-        east_m, north_m = point.east_m - centre.east_m, point.north_m - centre.north_m
-        col, row = cell
-        sides = (
-            (east_m, (col + 1, row)),
-            (-east_m, (col - 1, row)),
-            (north_m, (col, row + 1)),
-            (-north_m, (col, row - 1)),
-        )
-        toward = [
-            (side_m, neighbour)
-            for side_m, neighbour in sides
-            if side_m > self.cell_m * TOLERANCE and self.contains(neighbour)
+        sides = [
+            (
+                (col - cell[0]) * (point.east_m - centre.east_m)
+                + (row - cell[1]) * (point.north_m - centre.north_m),
+                (col, row),
+            )
+            for col, row in among
         ]
-        return max(toward)[1] if toward else None
+        side_m, neighbour = max(sides, default=(0.0, cell))
+        return neighbour if side_m > self.cell_m * TOLERANCE else None
 
     def index(self, cell: Cell) -> tuple[int, int]:
         """Return the ``[row, col]`` array index of a cell."""

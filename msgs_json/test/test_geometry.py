@@ -121,13 +121,22 @@ def test_a_point_outside_gets_the_nearest_cell(region: GridSpec, point: Point) -
 )
 def test_neighbour_toward_a_point(east_m: float, north_m: float, neighbour: Cell | None) -> None:
     point = Point(east_m=east_m, north_m=north_m)
-    assert REGION.neighbour_toward((1, 1), point) == neighbour
+    assert REGION.neighbour_toward((1, 1), point, REGION.neighbours((1, 1))) == neighbour
+
+
+def test_only_some_neighbours_may_count() -> None:
+    point = Point(east_m=17.0, north_m=18.0)
+    assert REGION.neighbour_toward((1, 1), point, [(2, 1), (0, 1)]) == (2, 1)
+    assert REGION.neighbour_toward((1, 1), point, [(0, 1)]) is None
+    assert REGION.neighbour_toward((1, 1), point, []) is None
 
 
 def test_outside_the_region_there_is_no_neighbour() -> None:
     corner = (3, 2)
-    assert REGION.neighbour_toward(corner, Point(east_m=38.0, north_m=25.0)) is None
-    assert REGION.neighbour_toward(corner, Point(east_m=38.0, north_m=24.0)) == (3, 1)
+    beside = REGION.neighbours(corner)
+    assert beside == ((2, 2), (3, 1))
+    assert REGION.neighbour_toward(corner, Point(east_m=38.0, north_m=25.0), beside) is None
+    assert REGION.neighbour_toward(corner, Point(east_m=38.0, north_m=24.0), beside) == (3, 1)
 
 
 @given(regions, st.data(), st.floats(1e-6, 1.0))
@@ -142,7 +151,7 @@ def test_on_the_way_to_a_neighbour_a_point_lies_toward_it(
     neighbour = (cell[0] + east, cell[1] + north)
     between = region.centre(cell).toward(region.centre(neighbour), share * region.cell_m)
     expected = neighbour if region.contains(neighbour) else None
-    assert region.neighbour_toward(cell, between) == expected
+    assert region.neighbour_toward(cell, between, region.neighbours(cell)) == expected
 
 
 @pytest.mark.parametrize(

@@ -13,7 +13,7 @@ from hypothesis import settings
 from hypothesis.stateful import RuleBasedStateMachine, precondition, rule
 from uav_bench import PATHS, SETUP, OneStep, auv_order, order, report, said, taken
 
-from msgs_json.geometry import Cell, GridSpec
+from msgs_json.geometry import Cell, GridSpec, Point
 from msgs_json.messages import (
     Acknowledged,
     Leg,
@@ -110,6 +110,52 @@ def test_nothing_is_said_again_to_one_that_has_answered() -> None:
     assert assignment == PathAssignment(auv='auv_1', leg=fleet.next_leg('auv_1'))  # type: ignore[arg-type]
     fleet.acknowledged('auv_1', taken(Acknowledged.PATH_ASSIGNMENT, 1))
     assert fleet.answer(heard, 8.0) == []
+
+
+@pytest.mark.parametrize('cell', [(1, 0), (50, 50)])
+def test_one_that_has_not_answered_cannot_be_elsewhere(cell: Cell) -> None:
+    fleet = fleet_of(OneStep())
+    met(fleet, report('auv_1'))
+    elsewhere = report('auv_1', cell=cell)
+    problem = f'leg 0 ended at cell [2, 0], cell is now {list(cell)}'
+    assert fleet.problem_with(elsewhere) == problem
+
+
+# A leg from (1, 0) to (3, 0) of which two of three cells were entered: it lies off (2, 0).
+@pytest.mark.parametrize(
+    ('east_m', 'north_m', 'behind'),
+    [
+        (25.0, 5.0, None),
+        (28.0, 5.0, (3, 0)),
+        (22.0, 5.0, (1, 0)),
+        (25.0, 5.001, None),  # beside its track: no other cell was promised to be searched
+        (27.0, 8.0, (3, 0)),
+    ],
+)
+def test_an_auv_lies_toward_a_cell_of_its_leg(
+    east_m: float, north_m: float, behind: Cell | None
+) -> None:
+    planner = OneStep()
+    fleet = fleet_of(planner, path_cells=2, auvs=(auv_order('auv_1', ((1, 0), (2, 0), (3, 0))),))
+    position = Point(east_m=east_m, north_m=north_m)
+    early = report('auv_1', outcome=LegOutcome.EARLY, position=position)
+    met(fleet, early)
+    assert planner.requests[0].behind == behind
+    assert [leg.behind for leg in fleet.survey_legs()] == [behind]
+    # Not heard of since, it gets another path from there, wherever its position says.
+    fleet.searched_in_vain('auv_1')
+    met(fleet, msgspec.structs.replace(early, position=Point(east_m=25.0, north_m=9.0)))
+    assert planner.requests[1].behind == behind
+
+
+def test_before_its_first_cell_it_lies_toward_where_it_came_from() -> None:
+    planner = OneStep()
+    fleet = fleet_of(planner)
+    met(fleet, report('auv_1', position=Point(east_m=22.0, north_m=5.0)))  # short of (2, 0)
+    fleet.acknowledged('auv_1', taken(Acknowledged.PATH_ASSIGNMENT, 1))
+    back = Point(east_m=24.0, north_m=5.0)
+    met(fleet, report('auv_1', 1, moves_done=0, cell=(2, 0), position=back, samples=()))
+    assert [request.behind for request in planner.requests] == [(1, 0), (1, 0)]
 
 
 # --- what the map counts -------------------------------------------------------------------------

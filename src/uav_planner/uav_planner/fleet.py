@@ -154,8 +154,9 @@ class Fleet:
 
     def problem_with(self, report: SurfacingReport) -> str | None:
         """Return what contradicts the leg that its AUV was given, or None."""
-        if self._unanswered(report):
-            return None  # the same leg's end as at the meeting before
+        unanswered = self._unanswered(report)
+        if unanswered is not None:
+            return unanswered.problem_with(report)
         return problem_with_report(report, self._auvs[report.auv].leg, self._mission.grid)
 
     def take_over(self, report: SurfacingReport) -> tuple[Sample, ...]:
@@ -188,6 +189,7 @@ class Fleet:
         is_aborted = report.outcome is LegOutcome.ABORTED
         self._hand_overs[report.auv] = HandOver(
             ended_leg_id=report.leg_id,
+            ended_at=report.cell,
             plan=plan,
             reason=RecoveryReason.ABORTED if is_aborted else RecoveryReason.EXPLORED,
             way_m=path_length_m(way),
@@ -202,7 +204,7 @@ class Fleet:
         if self._map.is_explored or report.outcome is LegOutcome.ABORTED:
             return None
         auv = self._auvs[report.auv]
-        behind = self._mission.grid.neighbour_toward(report.cell, report.position)
+        behind = self._behind(report)
         plan = self._planner.plan_path(
             PlanRequest(
                 mission=self._mission,
@@ -217,6 +219,21 @@ class Fleet:
         self._claim(auv, plan.path)
         auv.behind, auv.search = behind, plan.search
         return plan
+
+    def _behind(self, report: SurfacingReport) -> Cell | None:
+        """
+        Return the cell of its leg toward which an AUV lies off the last one that it entered.
+
+        No other one, however its position says: what it was promised was for its leg.
+        """
+        auv, moves = self._auvs[report.auv], report.moves_done
+        if self._unanswered(report):
+            return auv.behind  # it lies where it did when that was found out
+        before = auv.leg.path[moves - 1] if moves > 0 else auv.behind
+        beside = (before, *auv.leg.path[moves + 1 : moves + 2])
+        return self._mission.grid.neighbour_toward(
+            report.cell, report.position, [cell for cell in beside if cell is not None]
+        )
 
     def answer(self, report: SurfacingReport, now_s: float) -> list[Output]:
         """

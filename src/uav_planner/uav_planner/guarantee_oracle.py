@@ -271,12 +271,8 @@ class Game:
         ways: list[Way] = []
         for cell in itertools.product(range(grid.cols), range(grid.rows)):
             for path in paths_from(self.mission, cell):
-                ways += [(path, behind) for behind in (None, *self._neighbours(cell))]
+                ways += [(path, behind) for behind in (None, *grid.neighbours(cell))]
         return ways
-
-    def _neighbours(self, cell: Cell) -> list[Cell]:
-        near = [(cell[0] + d.value[0], cell[1] + d.value[1]) for d in Direction]
-        return [each for each in near if self.mission.grid.contains(each)]
 
 
 @functools.cache

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from msgs_json.messages import Acknowledged, Acknowledgement, RecoveryReason
 
 if TYPE_CHECKING:
-    from msgs_json.geometry import GridSpec
+    from msgs_json.geometry import Cell, GridSpec
     from msgs_json.messages import Leg, SurfacingReport
     from uav_planner.planning import PlanResult
 
@@ -26,6 +26,8 @@ class HandOver:
     """What an AUV was told after a leg and has not acknowledged."""
 
     ended_leg_id: int
+    ended_at: Cell
+    """The last cell it entered."""
     plan: PlanResult | None
     """Its next path; None where it is to stay up for recovery."""
     reason: RecoveryReason
@@ -37,6 +39,15 @@ class HandOver:
     def answers(self, report: SurfacingReport) -> bool:
         """Return whether a report is of the leg after which the AUV was told this."""
         return report.leg_id == self.ended_leg_id
+
+    def problem_with(self, report: SurfacingReport) -> str | None:
+        """Return what contradicts the report after which the AUV was told this, or None."""
+        if report.cell != self.ended_at:
+            return (
+                f'leg {self.ended_leg_id} ended at cell {list(self.ended_at)},'
+                f' cell is now {list(report.cell)}'
+            )
+        return None
 
     def is_taken_by(self, report: SurfacingReport) -> bool:
         """Return whether a report shows that the AUV has taken its next path."""
