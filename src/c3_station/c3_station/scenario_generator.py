@@ -28,9 +28,9 @@ from c3_station.scenario import (
 from c3_station.shape_checks import nearest
 from msgs_json.geometry import Cell, GridSpec, Point
 from msgs_json.randomness import agent_rng
-from uav_planner.candidate_paths import MOVES_MAX, Direction
-from uav_planner.guarantee import guaranteed_sortie
-from uav_planner.planning import MissionSpec, SortieRequest, SurveyLeg
+from uav_planner.candidate_paths import MOVES_MAX
+from uav_planner.guarantee import least_limit_s
+from uav_planner.planning import MissionSpec, SurveyLeg
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
@@ -388,16 +388,10 @@ def _draw_paths(draw: _Draw, mission: MissionSpec, auvs: int) -> tuple[tuple[Cel
     for start in starts.tolist():
         path = [(start % grid.cols, start // grid.cols)]
         for _ in range(draw.rng.integers(1, mission.path_cells, endpoint=True)):
-            neighbours = _neighbours(grid, path[-1])
+            neighbours = grid.neighbours(path[-1])
             path.append(neighbours[draw.rng.integers(len(neighbours))])
         paths.append(tuple(path))
     return tuple(paths)
-
-
-def _neighbours(grid: GridSpec, cell: Cell) -> list[Cell]:
-    col, row = cell
-    around = ((col + east, row + north) for east, north in (each.value for each in Direction))
-    return [each for each in around if grid.contains(each)]
 
 
 def _needed_s(mission: MissionSpec, paths: Sequence[tuple[Cell, ...]]) -> float:
@@ -409,7 +403,7 @@ def _needed_s(mission: MissionSpec, paths: Sequence[tuple[Cell, ...]]) -> float:
     """
     grid = mission.grid
     corners = [(col, row) for col in (0, grid.cols - 1) for row in (0, grid.rows - 1)]
-    ends = [(_neighbours(grid, corner)[0], corner) for corner in corners]
+    ends = [(grid.neighbours(corner)[0], corner) for corner in corners]
     farthest_s = max(_round_s(mission, [end], len(paths)) for end in ends)
     apart_s = max(
         _round_s(mission, pair[: len(paths)], len(paths))
@@ -421,16 +415,12 @@ def _needed_s(mission: MissionSpec, paths: Sequence[tuple[Cell, ...]]) -> float:
 
 def _round_s(mission: MissionSpec, paths: Sequence[tuple[Cell, ...]], auvs: int) -> float:
     """Return how long a sortie takes that searches some paths, and lies over the other AUVs."""
-    legs = tuple(
+    legs = [
         SurveyLeg(auv=str(number), path=path, surface_deadline_s=0.0)
         for number, path in enumerate(paths)
-    )
-    plan = guaranteed_sortie(SortieRequest(mission=mission, legs=legs, now_s=0.0))
+    ]
     others_s = (auvs - len(legs)) * mission.handover_ticks * mission.tick_s
-    return plan.worst_case_s + others_s
-
-
-# --- surfacing models ----------------------------------------------------------------------------
+    return least_limit_s(mission, legs) + others_s
 
 
 def _draw_surfacing(

@@ -29,6 +29,8 @@ from uav_planner.sortie import (
     lay_search,
     leg_waypoints,
     punctual_departure_s,
+    round_ticks,
+    search_ticks,
     ticks_between_each,
     worst_case_s,
 )
@@ -164,7 +166,7 @@ class GuaranteedPaths:
         return within_range(distance_m, self._mission.radio_range_m)
 
     def _offer(self, path: Path, search: Search) -> Offer:
-        ticks = self._handover_ticks + _search_ticks(self._mission, search)
+        ticks = self._handover_ticks + search_ticks(self._mission, search)
         ticks += self._before.ticks_to_point(search[0]) + self._after.ticks_to_point(search[-1])
         return Offer(path=path, search=search, round_ticks=ticks)
 
@@ -174,7 +176,7 @@ class GuaranteedPaths:
     def _fits_alone(self, offer: Offer) -> bool:
         """Return whether a sortie to this AUV alone keeps L."""
         search = (self._mission.c3, *offer.search, self._mission.c3)
-        ticks = _search_ticks(self._mission, search) + self._mission.handover_ticks
+        ticks = search_ticks(self._mission, search) + self._mission.handover_ticks
         return ticks <= self._mission.limit_ticks
 
     def _round_ticks_each(self, searches: Searches) -> NDArray[np.float64]:
@@ -228,14 +230,18 @@ def initial_problem(mission: MissionSpec, legs: Sequence[SurveyLeg]) -> str | No
             f'cells are {mission.grid.cell_m:g} m wide; to hear an AUV between two cells the radio'
             f' range must be at least that, it is {mission.radio_range_m:g} m'
         )
-    route = _laid_route(mission, legs)
-    needed_s = _round_ticks(mission, route) * mission.tick_s
+    needed_s = least_limit_s(mission, legs)
     if needed_s > mission.limit_ticks * mission.tick_s:
         return (
             f'to search the initial paths of all AUVs takes up to {needed_s:g} s,'
             f' the sortie limit is {mission.sortie_limit_s:g} s'
         )
     return None
+
+
+def least_limit_s(mission: MissionSpec, legs: Iterable[SurveyLeg]) -> float:
+    """Return the shortest L that can be guaranteed with initial legs, seconds."""
+    return round_ticks(mission, _laid_route(mission, legs)) * mission.tick_s
 
 
 # --- the round at a meeting ----------------------------------------------------------------------
@@ -280,7 +286,7 @@ def _reach(mission: MissionSpec, searches: Iterable[tuple[SurveyLeg, Search]]) -
             ticks = tuple(reach.ticks_to_point(point) for point in search)
             reach = _Reach(points=search, ticks=ticks, mission=mission)
         else:
-            ticks = (reach.ticks_to_point(search[0]) + _search_ticks(mission, search),)
+            ticks = (reach.ticks_to_point(search[0]) + search_ticks(mission, search),)
             reach = _Reach(points=search[-1:], ticks=ticks, mission=mission)
     return reach
 
@@ -296,10 +302,6 @@ def _partners(request: PlanRequest, leg: SurveyLeg) -> list[Cell]:
         if cell == request.cell
     ]
     return list(dict.fromkeys(partners))
-
-
-def _search_ticks(mission: MissionSpec, search: Search) -> int:
-    return sum(hop_ticks(mission, start, end) for start, end in itertools.pairwise(search))
 
 
 # --- the next sortie -----------------------------------------------------------------------------
@@ -320,7 +322,7 @@ def _chosen_legs(request: SortieRequest) -> list[SurveyLeg]:
     for index in sorted(range(len(legs)), key=importance):
         trial = sorted([*chosen, index], key=overlooked_first)
         route = _shortest_route(request.mission, [legs[each] for each in trial])
-        if _round_ticks(request.mission, route) <= request.mission.limit_ticks:
+        if round_ticks(request.mission, route) <= request.mission.limit_ticks:
             chosen = trial
     return [legs[index] for index in chosen]
 
@@ -331,7 +333,7 @@ def _shortest_route(mission: MissionSpec, legs: Sequence[SurveyLeg]) -> Route:
     if all(leg.search for leg in legs):
         kept = (waypoint for leg in legs for waypoint in leg_waypoints(leg, leg.search))
         routes.insert(0, tuple(kept))
-    return min(routes, key=lambda route: _round_ticks(mission, route))
+    return min(routes, key=lambda route: round_ticks(mission, route))
 
 
 def _laid_route(mission: MissionSpec, legs: Iterable[SurveyLeg]) -> Route:
@@ -345,23 +347,13 @@ def _laid_route(mission: MissionSpec, legs: Iterable[SurveyLeg]) -> Route:
     return route
 
 
-def _round_ticks(mission: MissionSpec, route: Route) -> int:
-    """Return the ticks of a round, without waits, hand-overs included."""
-    points = (mission.c3, *(waypoint.point for waypoint in route), mission.c3)
-    auvs = {waypoint.auv for waypoint in route}
-    return _search_ticks(mission, points) + len(auvs) * mission.handover_ticks
-
-
 def _safe_departure_s(mission: MissionSpec, route: Route, now_s: float) -> float:
     """Return when to leave at the earliest so that no wait makes the sortie longer than L."""
     wait_ticks = 0
     for index, waypoint in enumerate(route):
         if index > 0 and route[index - 1].auv == waypoint.auv:
             continue
-        rest = route[index:]
-        points = (*(each.point for each in rest), mission.c3)
-        rest_ticks = _search_ticks(mission, points)
-        rest_ticks += len({each.auv for each in rest}) * mission.handover_ticks
+        rest_ticks = round_ticks(mission, route[index:], waypoint.point)
         deadline_ticks = whole_ticks((waypoint.surface_deadline_s - now_s) / mission.tick_s)
         wait_ticks = max(wait_ticks, deadline_ticks + rest_ticks - mission.limit_ticks)
     return now_s + wait_ticks * mission.tick_s

@@ -85,6 +85,18 @@ def lay_search(mission: MissionSpec, origin: Point, track: Iterable[Cell]) -> tu
 def flight_ticks(mission: MissionSpec, route: Route) -> int:
     """Return how many ticks the whole list takes to fly, from C3 and back, without any wait."""
     points = [mission.c3, *(waypoint.point for waypoint in route), mission.c3]
+    return search_ticks(mission, points)
+
+
+def round_ticks(mission: MissionSpec, route: Route, start: Point | None = None) -> int:
+    """Return the ticks from C3, or another point, along a route and home, hand-overs included."""
+    points = [start or mission.c3, *(waypoint.point for waypoint in route), mission.c3]
+    auvs = {waypoint.auv for waypoint in route}
+    return search_ticks(mission, points) + len(auvs) * mission.handover_ticks
+
+
+def search_ticks(mission: MissionSpec, points: Iterable[Point]) -> int:
+    """Return how many ticks it takes to fly from the first of some points to the last."""
     return sum(hop_ticks(mission, start, end) for start, end in itertools.pairwise(points))
 
 
