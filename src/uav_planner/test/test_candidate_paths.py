@@ -5,7 +5,7 @@ import itertools
 import hypothesis.strategies as st
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 
 from msgs_json.geometry import Cell, GridSpec
 from uav_planner.candidate_paths import (
@@ -80,7 +80,6 @@ def test_coming_back_counts_half_and_every_turn_costs() -> None:
     assert table.scores(values, (0, 0))[walk] == 1.0 + 0.25 + 0.5 - 2 * 0.05
 
 
-@settings(deadline=None)
 @given(
     halvings=st.lists(st.integers(0, 6), min_size=20, max_size=20),
     start=st.tuples(st.integers(0, 4), st.integers(0, 3)),

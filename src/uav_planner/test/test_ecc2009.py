@@ -5,7 +5,7 @@ from dataclasses import replace
 import hypothesis.strategies as st
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 
 from msgs_json.geometry import Cell, GridSpec, Point
 from uav_planner.candidate_paths import TieOrder, every_tie_order
@@ -168,7 +168,6 @@ def requests(draw: st.DrawFn, path_cells: int = 4) -> PlanRequest:
     )
 
 
-@settings(deadline=None)
 @given(request=requests(), tie_order=st.sampled_from(every_tie_order()))
 def test_plans_are_those_of_the_loop_over_all_paths(
     request: PlanRequest, tie_order: TieOrder
@@ -179,7 +178,6 @@ def test_plans_are_those_of_the_loop_over_all_paths(
     np.testing.assert_array_equal(request.values, values)
 
 
-@settings(deadline=None)
 @given(
     request=requests(path_cells=3),
     tie_order=st.sampled_from(every_tie_order()),

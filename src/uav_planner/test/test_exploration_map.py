@@ -5,7 +5,7 @@ from collections import Counter
 import hypothesis.strategies as st
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 
 from msgs_json.geometry import Cell, GridSpec
 from uav_planner.exploration_map import ExplorationMap
@@ -91,7 +91,6 @@ def walks(draw: st.DrawFn) -> list[Cell]:
     return path
 
 
-@settings(deadline=None)
 @given(legs=st.lists(st.tuples(walks(), st.integers(0, 8)), max_size=8))
 def test_a_value_is_always_a_half_to_the_power_of_the_entries(
     legs: list[tuple[list[Cell], int]],

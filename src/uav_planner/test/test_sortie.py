@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import hypothesis.strategies as st
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 
 from msgs_json.geometry import Cell, GridSpec, Point, within_range
 from uav_planner.planning import MissionSpec, SurveyLeg
@@ -120,7 +120,6 @@ def test_first_route_of_the_reference_mission() -> None:
     assert worst_case_s(REFERENCE, route, 0.0) == 45.0
 
 
-@settings(deadline=None)
 @given(mission=missions(), legs=many_legs())
 def test_every_cell_of_every_leg_is_cleared_from_the_end_to_the_start(
     mission: MissionSpec, legs: tuple[SurveyLeg, ...]
@@ -140,7 +139,6 @@ def test_every_cell_of_every_leg_is_cleared_from_the_end_to_the_start(
         assert all(waypoint.surface_deadline_s == leg.surface_deadline_s for waypoint in waypoints)
 
 
-@settings(deadline=None)
 @given(mission=missions(), legs=many_legs())
 def test_a_route_is_what_a_uav_flies_that_looks_for_the_next_cell_tick_by_tick(
     mission: MissionSpec, legs: tuple[SurveyLeg, ...]
@@ -234,7 +232,6 @@ def point_near(mission: MissionSpec, data: st.DataObject) -> Point:
     return Point(east_m=data.draw(along) * cell_m, north_m=data.draw(along) * cell_m)
 
 
-@settings(deadline=None)
 @given(mission=missions(), track=tracks(), share=st.floats(1.0, 4.0), data=st.data())
 def test_an_auv_between_two_cells_is_heard_where_both_are(
     mission: MissionSpec, track: tuple[Cell, ...], share: float, data: st.DataObject
@@ -264,7 +261,6 @@ def test_where_cells_are_wider_than_the_radio_range_that_does_not_hold() -> None
     )
 
 
-@settings(deadline=None)
 @given(
     mission=missions(),
     many=st.integers(1, 7).flatmap(
@@ -295,7 +291,6 @@ def test_no_legs_no_sortie() -> None:
     assert punctual_departure_s(REFERENCE, (), 5.0) == 5.0
 
 
-@settings(deadline=None)
 @given(
     mission=missions(),
     before=many_legs(),
@@ -404,7 +399,6 @@ CONTACTS = st.dictionaries(
 )
 
 
-@settings(deadline=None)
 @given(sortie=sorties(), contacts=CONTACTS)
 def test_no_contact_makes_a_sortie_longer_than_its_worst_case(
     sortie: tuple[MissionSpec, Route, float, Point], contacts: dict[str, int]
@@ -420,7 +414,6 @@ def test_no_contact_makes_a_sortie_longer_than_its_worst_case(
     assert fly(mission, route, start_s, contacts, start).duration_s <= worst_s + 1e-9
 
 
-@settings(deadline=None)
 @given(mission=missions(), legs=many_legs(), depart_ticks=st.integers(0, 100), contacts=CONTACTS)
 def test_a_search_begins_when_foreseen_or_earlier(
     mission: MissionSpec,
