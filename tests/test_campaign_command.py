@@ -326,6 +326,20 @@ def test_who_ends_it_keeps_what_is_flown_and_leaves_nobody_behind(
 
 
 @pytest.mark.slow
+def test_ctrl_c_ends_also_missions_that_hang(tiny: Path, tmp_path: Path) -> None:
+    out = tmp_path / 'out'
+    with campaign_process(tiny, '--missions', 3000, '--jobs', 2, '--out', out) as process:
+        wait_until(lambda: flown(out) > 0 and len(workers(process.pid)) == 2)
+        for worker in workers(process.pid):
+            os.kill(worker, signal.SIGSTOP)
+        process.send_signal(signal.SIGINT)
+        told, _ = process.communicate(timeout=PATIENCE_S)
+        assert process.returncode == ExitCode.INTERRUPTED
+        wait_until(lambda: not members(process.pid))
+    assert f'stopped: {flown(out)} of 3,000 missions are stored' in told
+
+
+@pytest.mark.slow
 def test_missions_of_a_worker_that_was_killed_are_flown_again(tiny: Path, tmp_path: Path) -> None:
     out = tmp_path / 'out'
     with campaign_process(tiny, *LONG, '--out', out) as process:

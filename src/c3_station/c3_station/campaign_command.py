@@ -161,9 +161,8 @@ def _fly(store: CampaignStore, options: FlyingOptions, console: Console) -> Exit
                 def take(results: list[MissionResult]) -> None:
                     store.add(results)
                     show(results)
-                    look_for_interrupt()
 
-                fly_all(map(campaign.job, missing), pool, take)
+                fly_all(map(campaign.job, missing), pool, take, look_for_interrupt)
     except (KeyboardInterrupt, PoolLostError) as stop:
         lost = isinstance(stop, PoolLostError)
         if lost:

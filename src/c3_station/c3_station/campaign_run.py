@@ -27,6 +27,9 @@ Long beside the millisecond of sending them, short enough for a bar that moves, 
 when the campaign is killed.
 """
 
+_LOOK_EVERY_S = 0.2
+"""How long to wait for a result before looking whether to go on: short to a person, seconds."""
+
 
 class PoolLostError(Exception):
     """The workers cannot be reached any more; the text says which."""
@@ -53,25 +56,36 @@ class Pool(Protocol):
 
 
 def fly_all(
-    jobs: Iterable[MissionJob], pool: Pool, take: Callable[[list[MissionResult]], None]
+    jobs: Iterable[MissionJob],
+    pool: Pool,
+    take: Callable[[list[MissionResult]], None],
+    look: Callable[[], None],
 ) -> None:
     """
     Fly missions and pass on their results, in the order in which they come.
 
+    However long a mission takes, ``look`` is called several times a second, to break off by what
+    it raises.
+
     When a worker dies, the missions under way are flown again, one at a time: a mission that kills
     its worker is so found out, becomes a result, and takes no other with it.
     """
-    _Flying(jobs, pool, take).to_the_end()
+    _Flying(jobs, pool, take, look).to_the_end()
 
 
 class _Flying:
     def __init__(
-        self, jobs: Iterable[MissionJob], pool: Pool, take: Callable[[list[MissionResult]], None]
+        self,
+        jobs: Iterable[MissionJob],
+        pool: Pool,
+        take: Callable[[list[MissionResult]], None],
+        look: Callable[[], None],
     ) -> None:
         self._waiting = deque(jobs)
         self._under_way: dict[Future[list[MissionResult]], list[MissionJob]] = {}
         self._pool = pool
         self._take = take
+        self._look = look
         self._flown = 0
         self._flown_s = 0.0
 
@@ -87,7 +101,7 @@ class _Flying:
         places = self._pool.places
         while self._waiting and len(self._under_way) < places:
             batch = list(islice(self._waiting, self._batch_size(places)))
-            self._under_way[self._pool.submit(batch)] = batch
+            self._submit(batch)
             for _ in batch:
                 self._waiting.popleft()
 
@@ -98,12 +112,22 @@ class _Flying:
         fitting = math.floor(_BATCH_S * self._flown / max(self._flown_s, 1e-9))
         return max(1, min(fitting, len(self._waiting) // places))
 
+    def _submit(self, batch: list[MissionJob]) -> None:
+        self._under_way[self._pool.submit(batch)] = batch
+
     def _collect(self) -> None:
-        done, _ = wait(self._under_way, return_when=FIRST_COMPLETED)
-        for future in done:
+        for future in self._wait():
             results = future.result()
             del self._under_way[future]
             self._note(results)
+
+    def _wait(self) -> set[Future[list[MissionResult]]]:
+        """Return what is done of all that is under way, as soon as there is something."""
+        while True:
+            self._look()
+            done, _ = wait(self._under_way, _LOOK_EVERY_S, FIRST_COMPLETED)
+            if done:
+                return done
 
     def _note(self, results: list[MissionResult]) -> None:
         self._flown += len(results)
@@ -111,22 +135,23 @@ class _Flying:
         self._take(results)
 
     def _fly_again(self) -> None:
-        wait(self._under_way)
         suspects = []
-        for future, batch in self._under_way.items():
-            if isinstance(future.exception(), self._pool.died):
-                suspects += batch
-            else:
-                self._note(future.result())
-        self._under_way.clear()
+        while self._under_way:
+            for future in self._wait():
+                batch = self._under_way.pop(future)
+                if isinstance(future.exception(), self._pool.died):
+                    suspects += batch
+                else:
+                    self._note(future.result())
         self._pool.renew()
         for job in suspects:
             self._fly_alone(job)
 
     def _fly_alone(self, job: MissionJob) -> None:
         try:
-            results = self._pool.submit([job]).result()
+            self._submit([job])
+            self._collect()
         except self._pool.died:
+            self._under_way.clear()
             self._pool.renew()
-            results = [crashed(job, 'its process was killed, twice (out of memory?)')]
-        self._note(results)
+            self._note([crashed(job, 'its process was killed, twice (out of memory?)')])

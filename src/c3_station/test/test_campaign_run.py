@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from concurrent.futures import BrokenExecutor, Future, ThreadPoolExecutor
-from typing import Any
+from threading import Timer
 
 import pytest
 from campaign_samples import sample_campaign, sample_result
@@ -23,16 +23,26 @@ class Workers:
     A pool without processes.
 
     Missions in ``deadly`` kill their worker, and with it all that is under way, as often as told.
+    Those in ``endless`` do not end.
     """
 
     died: tuple[type[Exception], ...] = (BrokenExecutor,)
 
-    def __init__(self, places: int, wall_s: float, deadly: dict[int, int]) -> None:
+    def __init__(
+        self,
+        places: int,
+        wall_s: float,
+        deadly: dict[int, int],
+        endless: frozenset[int] = frozenset(),
+    ) -> None:
         self.places = places
         self.batches: list[list[int]] = []
+        self.deaths = 0
         self.renewed = 0
+        self.flying_on: list[Future[list[MissionResult]]] = []
         self._wall_s = wall_s
         self._deadly = deadly
+        self._endless = endless
         self._waiting: list[tuple[Future[list[MissionResult]], list[int]]] = []
         self._broken = False
 
@@ -56,7 +66,10 @@ class Workers:
         while self._waiting:
             future, numbers = self._waiting.pop()  # the last one first: any order will do
             victims = [number for number in numbers if self._deadly.get(number, 0)]
-            if victims or self._broken:
+            if not victims and self._endless.intersection(numbers):
+                self.flying_on.append(future)
+            elif victims or self._broken:
+                self.deaths += len(victims)
                 self._broken = True
                 for number in victims:
                     self._deadly[number] -= 1
@@ -71,7 +84,7 @@ def flown_by(
     if jobs is None:
         jobs = map(CAMPAIGN.job, range(1, CAMPAIGN.missions_total + 1))
     taken: list[MissionResult] = []
-    fly_all(jobs, workers, taken.extend)
+    fly_all(jobs, workers, taken.extend, look=lambda: None)
     by_number = {result.number: result for result in taken}
     assert len(by_number) == len(taken)
     return by_number
@@ -133,14 +146,25 @@ def test_an_error_of_ours_is_not_taken_for_a_dead_worker() -> None:
         flown_by(Broken(2, 0.1, {}))
 
 
-def test_ctrl_c_stops_at_once() -> None:
-    class Interrupted(Workers):
-        def submit(self, jobs: Sequence[MissionJob]) -> Future[Any]:
-            if len(self.batches) == 3:
-                raise KeyboardInterrupt
-            return super().submit(jobs)
+@pytest.mark.parametrize(
+    'deadly', [{}, {2: 1}, {1: 1}], ids=['first_flight', 'beside_a_death', 'alone']
+)
+def test_who_does_not_want_to_wait_for_a_mission_need_not(deadly: dict[int, int]) -> None:
+    workers = Workers(3, 0.1, dict(deadly), endless=frozenset({1}))
+    # Whoever waits for the mission without looking gets this after a while.
+    too_late = Timer(5.0, lambda: workers.flying_on[0].set_exception(TimeoutError()))
+    looks_in_vain = 0
 
-    workers = Interrupted(2, 0.1, {})
-    with pytest.raises(KeyboardInterrupt):
-        flown_by(workers)
-    assert len(workers.batches) == 3
+    def look() -> None:
+        nonlocal looks_in_vain
+        looks_in_vain += bool(workers.flying_on)
+        if looks_in_vain > 3:
+            raise KeyboardInterrupt
+
+    too_late.start()
+    try:
+        with pytest.raises(KeyboardInterrupt):
+            fly_all(map(CAMPAIGN.job, range(1, 4)), workers, lambda results: None, look)
+    finally:
+        too_late.cancel()
+    assert sum(deadly.values()) == workers.deaths
