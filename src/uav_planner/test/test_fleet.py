@@ -37,9 +37,7 @@ def met(fleet: Fleet, heard: SurfacingReport, now_s: float = 0.0) -> Leg | None:
     """Let an AUV be met; return the leg that it is given."""
     fleet.heard(heard)
     assert fleet.problem_with(heard) is None
-    fleet.take_over(heard)
-    fleet.hand_over(heard, (), now_s)
-    fleet.answer(heard, now_s)
+    fleet.meet(heard, (), now_s)
     return fleet.next_leg(heard.auv)
 
 
@@ -82,9 +80,8 @@ def test_legs_are_told_with_the_waypoints_from_which_they_are_searched() -> None
 def test_custody_of_a_legs_samples_is_taken_once() -> None:
     fleet = fleet_of(OneStep())
     heard = report('auv_1')
-    assert fleet.take_over(heard) == heard.samples
-    fleet.hand_over(heard, (), 0.0)
-    assert fleet.take_over(heard) == ()
+    assert fleet.meet(heard, (), 0.0).samples == heard.samples
+    assert fleet.meet(heard, (), 1.0).samples == ()
 
 
 @pytest.mark.parametrize(

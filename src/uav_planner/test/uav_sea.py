@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from random import Random
 
-import msgspec
 from uav_bench import SETUP, Bench, said, taken
 
 from msgs_json.agent import Output
@@ -23,10 +22,9 @@ from msgs_json.messages import (
     SortieReport,
     SurfacingReport,
 )
+from uav_planner.guarantee import least_limit_s
 from uav_planner.mission_order import mission_spec
-from uav_planner.planners.robust import RobustPlanner
-from uav_planner.planning import SortieRequest, SurveyLeg
-from uav_planner.sortie import worst_case_s
+from uav_planner.oracle_boards import legs_of
 
 
 class Diver:
@@ -156,10 +154,4 @@ class Sea:
 
 def round_s(order: MissionOrder) -> float:
     """Return the least limit with which a guarantee takes a mission."""
-    mission = mission_spec(msgspec.structs.replace(order, sortie_limit_s=1e6), SETUP)
-    legs = tuple(
-        SurveyLeg(auv=auv.name, path=auv.leg.path, surface_deadline_s=auv.leg.surface_deadline_s)
-        for auv in order.auvs
-    )
-    plan = RobustPlanner().plan_sortie(SortieRequest(mission=mission, legs=legs, now_s=0.0))
-    return worst_case_s(mission, plan.route, 1e5)  # when they all are up
+    return least_limit_s(mission_spec(order, SETUP), legs_of(auv.leg.path for auv in order.auvs))

@@ -56,12 +56,25 @@ class _Auv:
     lost: bool = False
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Encounter:
+    """What came of meeting an AUV."""
+
+    samples: tuple[Sample, ...]
+    """Those taken over from it; none where the UAV had them already."""
+    plan: PlanResult | None
+    """Its next path; None where it is to stay up for recovery."""
+    was_lost: bool
+    """Whether it had been given up."""
+    answer: list[Output]
+    """What it is told."""
+
+
 class Fleet:
     """
     The AUVs of a mission: the leg and the hand-over of each, and the map of their survey.
 
-    It knows nothing of the UAV's flight, only whom a sortie still goes to where it is told. A
-    meeting is `problem_with` the report, `take_over`, `hand_over`, then `answer`.
+    It knows nothing of the UAV's flight, only whom a sortie still goes to where it is told.
 
     Parameters
     ----------
@@ -76,7 +89,7 @@ class Fleet:
 
     def __init__(self, order: MissionOrder, mission: MissionSpec, planner: Planner) -> None:
         self.names = frozenset(auv.name for auv in order.auvs)
-        self._mission = mission
+        self.mission = mission
         self._planner = planner
         self._surface_margin_s = order.surface_margin_s
         self._lost_after_sorties = order.lost_after_sorties
@@ -157,37 +170,42 @@ class Fleet:
         unanswered = self._unanswered(report)
         if unanswered is not None:
             return unanswered.problem_with(report)
-        return problem_with_report(report, self._auvs[report.auv].leg, self._mission.grid)
+        return problem_with_report(report, self._auvs[report.auv].leg, self.mission.grid)
 
-    def take_over(self, report: SurfacingReport) -> tuple[Sample, ...]:
-        """Note on the map what the AUV really visited; return its samples, once for each leg."""
-        if self._unanswered(report):
-            return ()
+    def meet(self, report: SurfacingReport, to_meet: Container[str], now_s: float) -> Encounter:
+        """
+        Take over what an AUV did and choose its next path, or the same again if it lies there yet.
+
+        ``to_meet`` are the AUVs that the sortie may still meet, this one included.
+        """
         auv = self._auvs[report.auv]
+        was_lost, was_astray = auv.lost, auv.searches_in_vain > 0
+        auv.lost, auv.searches_in_vain = False, 0
+        unanswered = self._unanswered(report)
+        samples = () if unanswered else self._take_over(auv, report)
+        plan = unanswered.plan if unanswered else None
+        # The same path again, unless the others were given theirs without a thought of it.
+        if plan is None or was_astray:
+            self._release(auv)
+            plan = self._plan_path(report, to_meet, now_s)
+        self._hand_overs[report.auv] = self._hand_over(report, plan, now_s)
+        answer = self.answer(report, now_s)
+        return Encounter(samples=samples, plan=plan, was_lost=was_lost, answer=answer)
+
+    def _take_over(self, auv: _Auv, report: SurfacingReport) -> tuple[Sample, ...]:
+        """Note on the map what an AUV really visited; return its samples."""
         self._claim(auv, auv.leg.path[: report.moves_done + 1])
         self._map.confirm(auv.claimed)
         auv.claimed = ()  # they stay visited
         return report.samples
 
-    def hand_over(
-        self, report: SurfacingReport, to_meet: Container[str], now_s: float
-    ) -> PlanResult | None:
-        """Choose an AUV's next path; None where it is to stay up for recovery."""
-        auv = self._auvs[report.auv]
-        unanswered = self._unanswered(report)
-        plan = unanswered.plan if unanswered else None
-        # It still lies where the path begins that it was given then: the same path again, unless
-        # the others were given theirs without a thought of it.
-        if auv.searches_in_vain > 0:
-            plan = None
-        auv.lost, auv.searches_in_vain = False, 0
-        if plan is None:
-            self._release(auv)
-            plan = self._plan_path(report, to_meet, now_s)
+    def _hand_over(
+        self, report: SurfacingReport, plan: PlanResult | None, now_s: float
+    ) -> HandOver:
         path = plan.path if plan else ()
-        way = [report.position, *(self._mission.grid.centre(cell) for cell in path)]
+        way = [report.position, *(self.mission.grid.centre(cell) for cell in path)]
         is_aborted = report.outcome is LegOutcome.ABORTED
-        self._hand_overs[report.auv] = HandOver(
+        return HandOver(
             ended_leg_id=report.leg_id,
             ended_at=report.cell,
             plan=plan,
@@ -195,7 +213,6 @@ class Fleet:
             way_m=path_length_m(way),
             begun_s=now_s,
         )
-        return plan
 
     def _plan_path(
         self, report: SurfacingReport, to_meet: Container[str], now_s: float
@@ -207,7 +224,7 @@ class Fleet:
         behind = self._behind(report)
         plan = self._planner.plan_path(
             PlanRequest(
-                mission=self._mission,
+                mission=self.mission,
                 values=self._map.values,
                 auv=report.auv,
                 cell=report.cell,
@@ -231,7 +248,7 @@ class Fleet:
             return auv.behind  # it lies where it did when that was found out
         before = auv.leg.path[moves - 1] if moves > 0 else auv.behind
         beside = (before, *auv.leg.path[moves + 1 : moves + 2])
-        return self._mission.grid.neighbour_toward(
+        return self.mission.grid.neighbour_toward(
             report.cell, report.position, [cell for cell in beside if cell is not None]
         )
 
@@ -260,7 +277,7 @@ class Fleet:
                 hand_over.way_m,
                 auv.speed_mps,
                 self._surface_margin_s,
-                self._mission.tick_s,
+                self.mission.tick_s,
             ),
         )
         return [Transmit(name, custody), Transmit(name, PathAssignment(auv=name, leg=auv.leg))]

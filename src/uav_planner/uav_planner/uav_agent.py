@@ -47,7 +47,6 @@ if TYPE_CHECKING:
 class _Sortie:
     """A sortie, from its planning at C3 to the return."""
 
-    mission: MissionSpec
     fleet: Fleet
     number: int
     plan: SortiePlan
@@ -62,6 +61,11 @@ class _Sortie:
     """AUVs searched to the end and not heard."""
     not_reached: tuple[str, ...] = ()
     """AUVs that it gave up reaching, to be home in time."""
+
+    @property
+    def mission(self) -> MissionSpec:
+        """Return what stays the same for all sorties."""
+        return self.fleet.mission
 
     @property
     def back_by_s(self) -> float:
@@ -162,10 +166,9 @@ class UavAgent:
         problem = problem_with_order(order, self._setup)
         if problem:
             return [Refuse(self._setup.c3, Refusal.CONTRADICTORY, problem)]
-        mission = mission_spec(order, self._setup)
-        fleet = Fleet(order, mission, self._planner)
+        fleet = Fleet(order, mission_spec(order, self._setup), self._planner)
         try:
-            self._sortie = self._plan_sortie(mission, fleet, overlooked=frozenset())
+            self._sortie = self._plan_sortie(fleet, overlooked=frozenset())
         except ValueError as error:
             return [Refuse(self._setup.c3, Refusal.NOT_POSSIBLE, str(error))]
         self._fleet = fleet
@@ -174,9 +177,7 @@ class UavAgent:
 
     # --- the sortie ------------------------------------------------------------------------------
 
-    def _plan_sortie(
-        self, mission: MissionSpec, fleet: Fleet, overlooked: frozenset[str]
-    ) -> _Sortie | None:
+    def _plan_sortie(self, fleet: Fleet, overlooked: frozenset[str]) -> _Sortie | None:
         """Return the sortie after the present one; None where nobody is left to be met."""
         legs, before, now_s = fleet.survey_legs(), self._sortie, self._now_s
         if not legs:
@@ -185,11 +186,10 @@ class UavAgent:
             # To search them again at once would tell nothing new, and soon give them up.
             now_s = max(now_s, before.back_by_s)
         plan = self._planner.plan_sortie(
-            SortieRequest(mission=mission, legs=legs, overlooked=overlooked, now_s=now_s)
+            SortieRequest(mission=fleet.mission, legs=legs, overlooked=overlooked, now_s=now_s)
         )
         fleet.lay_searches(plan.route)
         return _Sortie(
-            mission=mission,
             fleet=fleet,
             number=before.number + 1 if before is not None else 1,
             plan=plan,
@@ -323,14 +323,14 @@ class UavAgent:
 
     def _return_to_c3(self, sortie: _Sortie, position: Point) -> list[Output]:
         """End a sortie if it is over: plan the next one, and put together what C3 is told."""
-        mission, fleet = sortie.mission, sortie.fleet
+        fleet = sortie.fleet
         if sortie.departed_s is None or not sortie.goes_home:
             return []
-        if not self._is_at(mission.c3, position) or self._awaits_answer(sortie, position):
+        if not self._is_at(sortie.mission.c3, position) or self._awaits_answer(sortie, position):
             return []
         searched = sortie.met.keys() | sortie.missed
         overlooked = tuple(leg.auv for leg in fleet.survey_legs() if leg.auv not in searched)
-        self._sortie = self._plan_sortie(mission, fleet, frozenset(overlooked))
+        self._sortie = self._plan_sortie(fleet, frozenset(overlooked))
         self._undelivered.append(
             SortieReport(
                 sortie=sortie.number,
@@ -404,16 +404,17 @@ class UavAgent:
         problem = fleet.problem_with(report)
         if problem:
             return [Refuse(auv, Refusal.CONTRADICTORY, problem)]
+        encounter = fleet.meet(report, sortie.to_meet, self._now_s)
+        for sample in encounter.samples:
+            self._cargo[auv, sample.number] = RelayedSample(auv=auv, sample=sample)
         output: list[Output] = []
         if sortie.departed_s is None:
             output += self._depart(sortie, met=(auv,))
-        if auv in fleet.lost:
+        if encounter.was_lost:
             output.append(Log(HeardAgain(auv=auv), self._now_s))
-        for sample in fleet.take_over(report):
-            self._cargo[auv, sample.number] = RelayedSample(auv=auv, sample=sample)
-        plan = fleet.hand_over(report, sortie.to_meet, self._now_s)
         sortie.met[auv] = (self._now_s, report)
         sortie.missed.discard(auv)
+        plan = encounter.plan
         met = Met(
             sortie=sortie.number,
             auv=auv,
@@ -424,7 +425,7 @@ class UavAgent:
             sortie_time_s=plan.sortie_time_s if plan else None,
             plan_status=plan.status.value if plan else None,
         )
-        output += [Log(met, self._now_s), *fleet.answer(report, self._now_s)]
+        output += [Log(met, self._now_s), *encounter.answer]
         waiting = self._heard.pop(sortie.turn or '', None)
         return output + self._hear(fleet, waiting) if waiting else output
 
