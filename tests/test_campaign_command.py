@@ -8,7 +8,7 @@ import sqlite3
 import subprocess
 import sys
 from collections.abc import Callable, Iterator
-from contextlib import closing, contextmanager
+from contextlib import closing, contextmanager, suppress
 from pathlib import Path
 
 import msgspec
@@ -246,7 +246,8 @@ def campaign_process(*words: object) -> Iterator[subprocess.Popen[str]]:
         try:
             yield process
         finally:
-            process.kill()
+            with suppress(ProcessLookupError):  # as a rule they have all ended
+                os.killpg(process.pid, signal.SIGKILL)
 
 
 def flown(out: Path) -> int:
