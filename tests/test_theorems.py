@@ -46,10 +46,11 @@ from msgs_json.messages import (
 )
 from msgs_json.ros_messages import Odometry
 from uav_planner.drivers.kinematic import make_driver
-from uav_planner.guarantee import guaranteed_sortie
+from uav_planner.guarantee import least_limit_s
 from uav_planner.mission_order import UavSetup
+from uav_planner.oracle_boards import legs_of
 from uav_planner.planners import make_planner
-from uav_planner.planning import MissionSpec, SortieRequest, SurveyLeg
+from uav_planner.planning import MissionSpec
 from uav_planner.sortie import Route, Waypoint, worst_case_s
 from uav_planner.uav_agent import UavAgent
 
@@ -128,10 +129,12 @@ class Auv:
             case PathAssignment(leg=leg):
                 if leg.leg_id > self._leg.leg_id:
                     self._begin(leg, first_tick=tick + 1)
-                return _taken(Acknowledged.PATH_ASSIGNMENT, leg.leg_id)
+                return Acknowledgement(
+                    acknowledges=Acknowledged.PATH_ASSIGNMENT, reference=leg.leg_id
+                )
             case RecoveryOrder(leg_id=leg_id):
                 self.finished = True
-                return _taken(Acknowledged.RECOVERY_ORDER, leg_id)
+                return Acknowledgement(acknowledges=Acknowledged.RECOVERY_ORDER, reference=leg_id)
             case _:
                 return None
 
@@ -259,7 +262,9 @@ class Flight:
                     self.sorties[-1].heard.append((self._now_s, src))
             elif dst == 'c3':
                 if isinstance(message, SortieReport):
-                    taken = _taken(Acknowledged.SORTIE_REPORT, message.sortie)
+                    taken = Acknowledgement(
+                        acknowledges=Acknowledged.SORTIE_REPORT, reference=message.sortie
+                    )
                     self._air.append(('c3', 'uav', taken))
             elif (answer := self._auvs[dst].receive(message, self._tick)) is not None:
                 self._air.append((dst, 'uav', answer))
@@ -321,10 +326,6 @@ def _uav(mission: MissionSpec, planner: str) -> UavAgent:
         arrival_radius_m=0.0,
     )
     return UavAgent('uav', setup, make_planner(planner), driver)
-
-
-def _taken(what: Acknowledged, reference: int) -> Acknowledgement:
-    return Acknowledgement(acknowledges=what, reference=reference)
 
 
 def _between(start: Point, end: Point, share: float) -> Point:
@@ -398,7 +399,8 @@ def cases(
 def guaranteed_cases(draw: st.DrawFn, longer_deaf_ticks: int = 0) -> Case:
     """Return missions that `robust` takes, L at its shortest up to twice that; AUVs anywhere."""
     case = draw(cases(draw(missions(1.0)), numbers(0, 1), longer_deaf_ticks))
-    limit_s = max(case.mission.tick_s, draw(numbers(1, 2)) * round_s(case.mission, case.paths))
+    least_s = least_limit_s(case.mission, legs_of(case.paths))
+    limit_s = max(case.mission.tick_s, draw(numbers(1, 2)) * least_s)
     return replace(case, mission=replace(case.mission, sortie_limit_s=limit_s))
 
 
@@ -414,19 +416,8 @@ def paper_cases(draw: st.DrawFn) -> Case:
 def walks(draw: st.DrawFn, grid: GridSpec) -> tuple[Cell, ...]:
     path = [draw(st.tuples(st.integers(0, grid.cols - 1), st.integers(0, grid.rows - 1)))]
     for _ in range(draw(st.integers(1, 4))):
-        col, row = path[-1]
-        around = [(col + 1, row), (col, row + 1), (col - 1, row), (col, row - 1)]
-        path.append(draw(st.sampled_from([cell for cell in around if grid.contains(cell)])))
+        path.append(draw(st.sampled_from(grid.neighbours(path[-1]))))
     return tuple(path)
-
-
-def round_s(mission: MissionSpec, paths: Iterable[tuple[Cell, ...]]) -> float:
-    """Return how long L must be at least."""
-    legs = tuple(
-        SurveyLeg(auv=str(number), path=path, surface_deadline_s=0.0)
-        for number, path in enumerate(paths)
-    )
-    return guaranteed_sortie(SortieRequest(mission=mission, legs=legs, now_s=0.0)).worst_case_s
 
 
 # --- what is claimed -----------------------------------------------------------------------------
