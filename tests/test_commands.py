@@ -102,6 +102,14 @@ def test_force_never_removes_a_folder_that_is_no_run(
         (('report', 'no/such/bag'), 'no/such/bag: there is no such bag'),
         (('recover', 'no/such/bag'), 'no/such/bag: there is no such bag'),
         (('bench', 'warp'), "no benchmark 'warp'"),
+        (
+            ('generate', '--seed', '1', '--out', '/proc/nowhere/one.yaml'),
+            '--out /proc/nowhere/one.yaml: cannot be written, No such file',
+        ),
+        (
+            ('generate', '--seed', '1', '--out', f'{"x" * 300}.yaml'),
+            'xxx.yaml: cannot be written, File name too long',
+        ),
     ],
 )
 def test_bad_input_is_one_clear_message(
@@ -145,6 +153,21 @@ def test_every_command_has_help_with_an_example(
         run(command, '--help')
     assert ended.value.code == 0
     assert f'example: python3 orchestrate.py {command}' in capsys.readouterr().out
+
+
+def test_scenarios_are_all_drawn_or_none(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    last = tmp_path / 'generated_3.yaml'
+    last.touch()
+    words = ('generate', '--seed', 1, '--count', 3, '--out', tmp_path)
+    assert run(*words) == ExitCode.BAD_INPUT
+    (message,) = capsys.readouterr().err.splitlines()
+    assert message == f'--out {last}: exists already; name another, or add --force'
+    assert list(tmp_path.iterdir()) == [last]
+    assert run(*words, '--force') == ExitCode.OK
+    assert len(list(tmp_path.iterdir())) == 3
+    assert last.read_text()
 
 
 def test_check_writes_parameters_for_nodes_started_by_hand(tiny: Path, tmp_path: Path) -> None:

@@ -320,7 +320,7 @@ def test_a_file_is_replaced_only_by_force(
     before = path.read_bytes()
     assert main(['generate', '--seed', '2', '--out', str(path)]) == 2
     told = ' '.join(capsys.readouterr().err.split())
-    assert told == f'{path}: exists; --force replaces it'
+    assert told == f'--out {path}: exists already; name another, or add --force'
     assert path.read_bytes() == before
     assert main(['generate', '--seed', '2', '--out', str(path), '--force']) == 0
     assert path.read_bytes() != before
