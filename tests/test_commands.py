@@ -155,6 +155,13 @@ def test_every_command_has_help_with_an_example(
     assert f'example: python3 orchestrate.py {command}' in capsys.readouterr().out
 
 
+def test_help_names_the_benchmarks_that_are_left_out(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit):
+        run('bench', '--help')
+    told = ' '.join(capsys.readouterr().out.split())
+    assert 'campaign, ties, guarantee (default: all but ties and guarantee)' in told
+
+
 def test_scenarios_are_all_drawn_or_none(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -237,7 +237,7 @@ def _campaign(options: argparse.Namespace, console: Console) -> ExitCode:
 
 
 def _report_options(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument('bag', type=Path, help='bag folder of a mission')
+    parser.add_argument('bag', type=Path, help='bag of a mission, or the folder it is in')
     parser.add_argument(
         '--out', type=Path, help='where to write (default: the folder that holds the bag)'
     )
@@ -246,7 +246,7 @@ def _report_options(parser: argparse.ArgumentParser) -> None:
 def _report(options: argparse.Namespace, console: Console) -> ExitCode:
     from c3_station.mission_run import report_bag
 
-    return report_bag(options.bag, options.out or options.bag.resolve().parent, console)
+    return report_bag(options.bag, options.out, console)
 
 
 def _recover_options(parser: argparse.ArgumentParser) -> None:
@@ -362,13 +362,13 @@ def _list(options: argparse.Namespace, console: Console) -> ExitCode:
 
 
 def _bench_options(parser: argparse.ArgumentParser) -> None:
-    from c3_station.bench import BENCHMARKS
+    from c3_station.bench import BENCHMARKS, ON_REQUEST
 
     parser.add_argument(
         'benchmark',
         nargs='*',
         metavar='BENCHMARK',
-        help=f'any of {", ".join(BENCHMARKS)} (default: all but ties)',
+        help=f'any of {", ".join(BENCHMARKS)} (default: all but {" and ".join(ON_REQUEST)})',
     )
 
 
