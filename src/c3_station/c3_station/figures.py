@@ -50,14 +50,14 @@ FIGURES: tuple[tuple[str, str, str, Callable[[MissionRecord, Scenario], Figure |
         'routes',
         'Routes of the AUVs',
         'Until the region is explored; lines are set side by side where routes meet. Hatched cells'
-        ' were not entered. Compare Fig. 7(b) of ECC 2009.',
+        ' were not entered.',
         draw_routes,
     ),
     (
         'first_sortie',
         'The first sortie',
         'The UAV meets each AUV the moment it hears it, hands over the next path, and flies on to'
-        ' the first waypoint of the next AUV. Compare Figs. 4 to 6 of ECC 2009.',
+        ' the first waypoint of the next AUV.',
         draw_first_sortie,
     ),
     (

@@ -109,7 +109,9 @@ class LiveView:
             table.add_row(Text(label, 'dim'), bar, f'{cells} of {total} cells')
         neglect_s = mission.neglect_s()
         share = neglect_s / (mission.explored_s or mission.now_s or 1.0)
-        table.add_row(Text('neglect', 'dim'), f'{neglect_s:.0f} s', f'{share:.1%} of the mission')
+        table.add_row(
+            Text('neglect', 'dim'), f'{neglect_s:.0f} s', f'{share:.1%} of the time, all AUVs'
+        )
         table.add_row(
             Text('sorties', 'dim'),
             f'{mission.sorties_flown} flown',

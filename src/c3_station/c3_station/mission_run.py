@@ -11,7 +11,7 @@ from time import monotonic
 from rich.console import Console
 from rich.live import Live
 
-from c3_station.bag import BagError, BagReader, recover_bag
+from c3_station.bag import BagError, BagReader, find_bag, recover_bag
 from c3_station.exit_codes import ExitCode
 from c3_station.interrupts import interruptible
 from c3_station.live_view import LiveView
@@ -79,13 +79,16 @@ def run_mission(scenario: Scenario, options: RunOptions, console: Console) -> Ex
     passed = _tell(summary, scenario, console) and problem is None
     console.print(f'report: {result}', highlight=False)
     if interrupted:
+        console.print('broken off by Ctrl-C: the figures are those up to then', style='bold red')
         return ExitCode.INTERRUPTED
     return ExitCode.OK if passed else ExitCode.FAILED
 
 
-def report_bag(bag: Path, out: Path, console: Console) -> ExitCode:
+def report_bag(bag: Path, out: Path | None, console: Console) -> ExitCode:
     """
     Rebuild summary, figures and report of a bag, and tell whether its mission passed.
+
+    They go into the folder that the bag is in unless there is another.
 
     Raises
     ------
@@ -93,9 +96,11 @@ def report_bag(bag: Path, out: Path, console: Console) -> ExitCode:
         The bag is missing or cannot be read; the text says what to do.
 
     """
+    out = out or find_bag(bag).resolve().parent
     record = write_report(bag, out)
     if record.scenario is None:
-        console.print('the bag does not hold the beginning of its mission', style='bold red')
+        problem = f'{bag}: does not hold the beginning of its mission'
+        console.print(problem, style='bold red', markup=False, highlight=False, soft_wrap=True)
         return ExitCode.FAILED
     passed = _tell(record.summary, record.scenario, console)
     console.print(f'report: {RunFolder(out).report}', highlight=False)
@@ -132,10 +137,17 @@ def _tell(summary: Summary, scenario: Scenario, console: Console) -> bool:
         f' {summary.sortie_limit_violations} over the limit;'
         f' {summary.samples_delivered} of {summary.samples_collected} samples at C3',
         highlight=False,
+        soft_wrap=True,
     )
     failed = failed_conditions(summary, scenario)
     for sentence in failed:
-        console.print(f'not passed: {sentence}', style='bold red', markup=False, highlight=False)
+        console.print(
+            f'not passed: {sentence}',
+            style='bold red',
+            markup=False,
+            highlight=False,
+            soft_wrap=True,
+        )
     if not failed:
         console.print('passed: every condition of the scenario is met', style='bold green')
     return not failed

@@ -15,6 +15,7 @@ from c3_station.mission_record import read_mission
 from c3_station.paper import comparisons, is_reference_mission
 from c3_station.program import command_line
 from c3_station.report_page import page_template
+from c3_station.run_folder import SCENARIO
 from c3_station.scenario_files import (
     ScenarioError,
     load_scenario,
@@ -29,6 +30,7 @@ if TYPE_CHECKING:
 
     from c3_station.figures import DrawnFigure
     from c3_station.mission_record import MissionRecord
+    from c3_station.scenario import Scenario
 
 
 def write_report(bag: Path, out: Path) -> MissionRecord:
@@ -47,17 +49,22 @@ def write_report(bag: Path, out: Path) -> MissionRecord:
     with _writing(out):
         (out / 'figures').mkdir(parents=True, exist_ok=True)
     figures = draw_figures(record)
-    page = render_report(record, figures, _rebuild(bag, out))
+    page = render_report(record, figures, _rebuild(bag, out), fly_again(record, out))
     with _writing(out):
         for figure in figures:
             (out / 'figures' / f'{figure.name}.png').write_bytes(figure.png)
         (out / 'summary.json').write_bytes(record.summary.to_json())
+        if record.scenario:
+            (out / SCENARIO).write_bytes(scenario_json(record.scenario))
         (out / 'report.html').write_text(page, encoding='utf-8')
     return record
 
 
 def render_report(
-    record: MissionRecord, figures: tuple[DrawnFigure, ...], rebuild_command: str
+    record: MissionRecord,
+    figures: tuple[DrawnFigure, ...],
+    rebuild_command: str,
+    fly_again_command: str | None,
 ) -> str:
     """Return the page; everything it shows is in it."""
     scenario, summary = record.scenario, record.summary
@@ -81,7 +88,7 @@ def render_report(
             default=None,
         ),
         rebuild_command=rebuild_command,
-        fly_again_command=_fly_again(record),
+        fly_again_command=fly_again_command,
         scenario_text=(
             msgspec.json.format(scenario_json(scenario), indent=2).decode() if scenario else None
         ),
@@ -103,16 +110,24 @@ def _rebuild(bag: Path, out: Path) -> str:
     return command_line('report', str(bag), *options)
 
 
-def _fly_again(record: MissionRecord) -> str | None:
-    """Return how to fly a shipped scenario again; None where the mission was somebody's own."""
+def fly_again(record: MissionRecord, out: Path) -> str | None:
+    """Return how to fly the mission again; None where the record does not hold its beginning."""
     scenario = record.scenario
-    if scenario is None or scenario.name not in shipped_scenarios():
+    if scenario is None:
         return None
+    if not _is_shipped(scenario):
+        return command_line('run', str(out / SCENARIO))
+    choices = ('--planner', scenario.planner.name, '--seed', str(scenario.seed))
+    return command_line('run', scenario.name, *choices)
+
+
+def _is_shipped(scenario: Scenario) -> bool:
+    """Return whether it is a shipped scenario with its own planner or another, and any seed."""
+    if scenario.name not in shipped_scenarios():
+        return False
     planner, seed = scenario.planner.name, scenario.seed
     try:
         again = with_choices(load_scenario(scenario.name), planner=planner, seed=seed)
     except ScenarioError:
-        return None  # its planner is gone
-    if again != scenario:
-        return None
-    return command_line('run', scenario.name, '--planner', planner, '--seed', str(seed))
+        return False  # its planner is gone
+    return again == scenario

@@ -9,7 +9,7 @@ from pathlib import Path
 from c3_station.scenario import Scenario
 
 _RUNS = Path('runs')
-_MARKER = 'scenario.json'
+SCENARIO = 'scenario.json'
 """Is in every run folder; `--force` replaces no folder without it."""
 
 
@@ -21,7 +21,7 @@ class RunFolder:
         self.bag = path / 'bag'
         self.logs = path / 'logs'
         self.params = path / 'params.yaml'
-        self.scenario = path / _MARKER
+        self.scenario = path / SCENARIO
         self.summary = path / 'summary.json'
         self.report = path / 'report.html'
 
@@ -43,7 +43,7 @@ def new_run_folder(out: Path | None, scenario: Scenario, *, force: bool) -> RunF
     if out.exists():
         if not force:
             raise ValueError(f'--out {out}: exists already; name another, or add --force')
-        if not (out / _MARKER).is_file() and any(out.iterdir()):
+        if not (out / SCENARIO).is_file() and any(out.iterdir()):
             raise ValueError(
                 f'--out {out}: is not the folder of a run, so --force leaves it alone'
             )

@@ -235,7 +235,8 @@ def _not_guaranteed(scenario: Scenario) -> Iterator[Problem]:
     ]
     problem = initial_problem(mission_spec(order, uav), legs)
     if problem:
-        yield Problem(('sortie', 'limit_s'), f'is {scenario.sortie.limit_s:g}: {problem}')
+        text = f'is {scenario.sortie.limit_s:g}, and {choice.name} guarantees it: {problem}'
+        yield Problem(('sortie', 'limit_s'), text)
 
 
 # --- names of parts that live elsewhere ----------------------------------------------------------

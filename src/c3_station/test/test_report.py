@@ -21,13 +21,14 @@ from page_checks import Page, check_texts, words
 from c3_station import map_figures, paper, time_figures
 from c3_station.bag import BagError, BagFacts, BagReader, BagWriter, stamp_ns
 from c3_station.figure_style import BLACK, GREY, SKY, STYLE, VERMILLION
-from c3_station.figures import FIGURES, draw_figures
+from c3_station.figures import FIGURES, DrawnFigure, draw_figures
 from c3_station.in_process import fly
 from c3_station.mission_record import MissionRecord, bag_records, gather_mission, read_mission
 from c3_station.paper import PAPER_FIGURES, comparisons, is_reference_mission
 from c3_station.recorded_topics import mission_topics
-from c3_station.report import render_report, write_report
+from c3_station.report import fly_again, render_report, write_report
 from c3_station.scenario import Scenario
+from c3_station.scenario_changes import read_change
 from c3_station.scenario_files import (
     load_scenario,
     parse_scenario,
@@ -133,13 +134,17 @@ def test_report_that_cannot_be_made_is_a_clear_error(minimal: Path, tmp_path: Pa
 # --- the page ------------------------------------------------------------------------------------
 
 
-def page_of(record: MissionRecord) -> str:
-    return render_report(record, (), 'python3 orchestrate.py report bag')
+OUT = Path('out')
+
+
+def page_of(record: MissionRecord, figures: tuple[DrawnFigure, ...] = ()) -> str:
+    again = fly_again(record, OUT)
+    return render_report(record, figures, 'python3 orchestrate.py report bag', again)
 
 
 def test_page_is_well_formed_and_needs_nothing_else() -> None:
     record = recorded('ecc2009')
-    text = render_report(record, draw_figures(record), 'python3 orchestrate.py report bag')
+    text = page_of(record, draw_figures(record))
     page = Page(text)
     assert page.open == []
     assert page.loads == []
@@ -167,19 +172,29 @@ def test_page_of_the_reference_mission_says_what_the_paper_says() -> None:
     assert 'python3 orchestrate.py run ecc2009 --planner ecc2009 --seed 0' in text
 
 
-def test_the_line_to_fly_again_is_there_only_where_it_flies_the_same() -> None:
+def test_the_line_to_fly_again_flies_the_same() -> None:
     record = recorded('ecc2009')
     assert record.scenario is not None
     robust = with_choices(record.scenario, planner='robust', seed=7)
     line = 'python3 orchestrate.py run ecc2009 --planner robust --seed 7'
-    assert line in words(page_of(replace(record, scenario=robust)))
+    assert fly_again(replace(record, scenario=robust), OUT) == line
     sortie = msgspec.structs.replace(robust.sortie, limit_s=50.0)
     changed = msgspec.structs.replace(robust, sortie=sortie)
     gone = msgspec.structs.replace(
         robust, planner=msgspec.structs.replace(robust.planner, name='of_the_past')
     )
+    line = 'python3 orchestrate.py run out/scenario.json'
     for scenario in (changed, gone, msgspec.structs.replace(robust, name='my_bay')):
-        assert 'orchestrate.py run' not in page_of(replace(record, scenario=scenario))
+        assert fly_again(replace(record, scenario=scenario), OUT) == line
+    assert fly_again(replace(record, scenario=None), OUT) is None
+
+
+def test_the_report_comes_with_the_scenario_as_flown(tmp_path: Path) -> None:
+    changed = with_choices(load_scenario('minimal'), changes=[read_change('sortie.limit_s=50')])
+    record_bag(changed, tmp_path / 'bag')
+    record = write_report(tmp_path / 'bag', tmp_path / 'out')
+    assert record.scenario is not None
+    assert load_scenario(tmp_path / 'out' / 'scenario.json') == changed
 
 
 def test_other_missions_are_not_put_beside_the_paper() -> None:
@@ -259,7 +274,7 @@ def test_mission_that_broke_off_has_a_report(share: float) -> None:
         with BagReader(Path(folder)) as reader:
             records = list(bag_records(reader))
     record = gather_mission(records[: int(share * len(records))], BagFacts())
-    page = render_report(record, draw_figures(record), 'x')
+    page = page_of(record, draw_figures(record))
     assert Page(page).open == []
     text = words(page)
     assert 'The record ends before C3 called the mission complete' in text

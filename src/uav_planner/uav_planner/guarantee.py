@@ -233,8 +233,8 @@ def initial_problem(mission: MissionSpec, legs: Sequence[SurveyLeg]) -> str | No
     needed_s = least_limit_s(mission, legs)
     if needed_s > mission.limit_ticks * mission.tick_s:
         return (
-            f'to search the initial paths of all AUVs takes up to {needed_s:g} s,'
-            f' the sortie limit is {mission.sortie_limit_s:g} s'
+            f'to search the initial paths of all AUVs takes up to {needed_s:g} s;'
+            ' allowed: a sortie limit of at least that'
         )
     return None
 
