@@ -3,6 +3,7 @@
 import os
 import re
 import shlex
+import shutil
 import signal
 import sqlite3
 import subprocess
@@ -15,6 +16,7 @@ import msgspec
 import pytest
 from patience import PATIENCE_S, wait_until
 
+import c3_station
 from c3_station.campaign_mission import MissionResult
 from c3_station.campaign_store import STORE, CampaignStore
 from c3_station.cli import main
@@ -175,7 +177,7 @@ def test_results_of_two_kinds_of_code_are_not_mixed(
 ) -> None:
     out = tmp_path / 'out'
     run(tiny, '--missions', 2, '--jobs', 1, '--out', out)
-    monkeypatch.setattr('c3_station.campaign_plan.code_digest', lambda: 'another')
+    monkeypatch.setattr('c3_station.software.code_digest', lambda: 'another')
     assert run('--resume', out) == ExitCode.OK  # it is complete
     change(out, 'delete from missions where number = 2')
     capsys.readouterr()
@@ -414,7 +416,7 @@ def test_a_dask_cluster_that_cannot_be_used_is_named(
     with LocalCluster(
         n_workers=1, threads_per_worker=1, processes=True, dashboard_address=None
     ) as cluster:
-        monkeypatch.setattr('c3_station.campaign_dask.code_digest', other_digest)
+        monkeypatch.setattr('c3_station.campaign_dask.this_software', other_software)
         assert 'has other code' in message(cluster.scheduler_address)
         monkeypatch.undo()
         cluster.scale(0)
@@ -422,8 +424,50 @@ def test_a_dask_cluster_that_cannot_be_used_is_named(
         assert 'the cluster has no workers' in message(cluster.scheduler_address)
 
 
-def other_digest() -> str:
+def other_software() -> str:
     return f'of {os.getpid()}'
+
+
+@contextmanager
+def dask_worker(address: str, **environment: str) -> Iterator[None]:
+    """Let a worker join a cluster, from a shell of its own."""
+    command = [sys.executable, '-m', 'distributed.cli.dask_worker', address]
+    with subprocess.Popen(
+        [*command, '--nthreads', '1', '--no-nanny', '--no-dashboard'],
+        env=os.environ | environment,
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+    ) as process:
+        try:
+            yield
+        finally:
+            process.kill()
+
+
+@pytest.mark.slow
+def test_a_worker_with_other_code_that_joins_later_ends_the_campaign(
+    tiny: Path, tmp_path: Path
+) -> None:
+    from distributed import LocalCluster
+
+    out, other = tmp_path / 'out', tmp_path / 'other'
+    shutil.copytree(Path(c3_station.__file__).parent, other / 'c3_station')
+    (other / 'c3_station' / 'new.py').touch()
+    path = f'{other}{os.pathsep}{os.environ["PYTHONPATH"]}'
+    with (
+        LocalCluster(
+            n_workers=1, threads_per_worker=1, processes=True, dashboard_address=None
+        ) as cluster,
+        campaign_process(
+            tiny, '--missions', 3000, '--dask', cluster.scheduler_address, '--out', out
+        ) as process,
+    ):
+        wait_until(lambda: flown(out) > 0)
+        with dask_worker(cluster.scheduler_address, PYTHONPATH=path):
+            told, _ = process.communicate(timeout=PATIENCE_S)
+    assert process.returncode == ExitCode.FAILED
+    assert re.search(r'a worker on .* has other code, .*; allowed: ', told)
+    assert f'stopped: {flown(out):,} of 3,000 missions are stored' in told
 
 
 @pytest.mark.slow

@@ -10,13 +10,8 @@ from typing import TYPE_CHECKING
 
 from c3_station.campaign_dask import DaskPool
 from c3_station.campaign_groups import sections_of
-from c3_station.campaign_mission import MissionExit
-from c3_station.campaign_plan import (
-    differences,
-    run_arguments,
-    scenario_of,
-    this_software,
-)
+from c3_station.campaign_mission import MissionExit, OtherCodeError
+from c3_station.campaign_plan import differences, run_arguments, scenario_of
 from c3_station.campaign_processes import ProcessPool
 from c3_station.campaign_progress import progress_bar
 from c3_station.campaign_report import write_campaign_report
@@ -32,6 +27,7 @@ from c3_station.exit_codes import ExitCode
 from c3_station.interrupts import interruptible
 from c3_station.program import command_line
 from c3_station.scenario_files import scenario_json
+from c3_station.software import this_software
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -163,9 +159,9 @@ def _fly(store: CampaignStore, options: FlyingOptions, console: Console) -> Exit
                     show(results)
 
                 fly_all(map(campaign.job, missing), pool, take, look_for_interrupt)
-    except (KeyboardInterrupt, PoolLostError) as stop:
-        lost = isinstance(stop, PoolLostError)
-        if lost:
+    except (KeyboardInterrupt, PoolLostError, OtherCodeError) as stop:
+        interrupted = isinstance(stop, KeyboardInterrupt)
+        if not interrupted:
             _say(console, str(stop), _BAD)
         stored = campaign.missions_total - len(store.missing())
         _say(
@@ -173,7 +169,7 @@ def _fly(store: CampaignStore, options: FlyingOptions, console: Console) -> Exit
             f'stopped: {stored:,} of {_missions(campaign.missions_total)} are stored;'
             f' the rest is flown by\n{command_line("campaign", "--resume", str(store.folder))}',
         )
-        return ExitCode.FAILED if lost else ExitCode.INTERRUPTED
+        return ExitCode.INTERRUPTED if interrupted else ExitCode.FAILED
     if missing:
         took_s = monotonic() - began_s
         took = timedelta(seconds=round(took_s))

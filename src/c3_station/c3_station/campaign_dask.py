@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Self
 
 from c3_station.campaign_mission import MissionResult, fly_missions
 from c3_station.campaign_run import PoolLostError
-from c3_station.software import code_digest
+from c3_station.software import this_software
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -92,17 +92,18 @@ class DaskPool:
         self._client.close()
 
     def _check_workers(self, address: str) -> None:
+        """Refuse by its address a worker that would refuse the missions; others may join later."""
         try:
-            digests = self._client.run(code_digest)
+            found = self._client.run(this_software)
         except ModuleNotFoundError as error:
             raise ValueError(
                 f'--dask {address}: its workers do not have Shearwater installed: {error}'
             ) from None
-        if not digests:
+        if not found:
             raise ValueError(f'--dask {address}: the cluster has no workers')
-        for worker, digest in digests.items():
-            if digest != code_digest():
+        for worker, software in found.items():
+            if software != this_software():
                 raise ValueError(
-                    f'--dask {address}: worker {worker} has other code (digest {digest});'
-                    f' allowed: that of this machine ({code_digest()})'
+                    f'--dask {address}: worker {worker} has other code, {software};'
+                    f' allowed: that of this machine, {this_software()}'
                 )

@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import enum
 import math
+import os
 import traceback
+from functools import cache
+from socket import gethostname
 from time import perf_counter
 from typing import TYPE_CHECKING
 
@@ -12,6 +15,7 @@ import msgspec
 
 from auv_sim.surfacing import Lost, Silent, surfacing_model
 from c3_station.in_process import fly
+from c3_station.software import this_software
 from c3_station.summary import Summarizer
 
 if TYPE_CHECKING:
@@ -88,9 +92,33 @@ class MissionResult(msgspec.Struct, frozen=True, kw_only=True):
         )
 
 
+class OtherCodeError(Exception):
+    """A worker was to fly missions for other code than its own; the text says who."""
+
+
 def fly_missions(jobs: Sequence[MissionJob]) -> list[MissionResult]:
-    """Fly missions one after another; this is what a worker does."""
+    """
+    Fly missions one after another; this is what a worker does.
+
+    Raises
+    ------
+    OtherCodeError
+        They are to be flown by other code than this.
+
+    """
+    for job in jobs:
+        if job.software != _own_software():
+            raise OtherCodeError(
+                f'a worker on {gethostname()} (process {os.getpid()}) has other code,'
+                f' {_own_software()}; allowed: {job.software}'
+            )
     return [fly_mission(job) for job in jobs]
+
+
+@cache
+def _own_software() -> str:
+    """Return which code this process runs, also after the files have changed."""
+    return this_software()
 
 
 def fly_mission(job: MissionJob) -> MissionResult:

@@ -20,7 +20,7 @@ from c3_station.scenario_files import (
     scenario_json,
     with_choices,
 )
-from c3_station.software import code_digest, software_version
+from c3_station.software import this_software
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -74,13 +74,20 @@ class Campaign(msgspec.Struct, frozen=True, kw_only=True):
     def job(self, number: int) -> MissionJob:
         """Return all that is needed to fly a mission."""
         case, seed = self.place(number)
-        return MissionJob(number=number, scenario_json=self.cases[case].scenario_json, seed=seed)
+        return MissionJob(
+            number=number,
+            software=self.software,
+            scenario_json=self.cases[case].scenario_json,
+            seed=seed,
+        )
 
 
 class MissionJob(msgspec.Struct, frozen=True, kw_only=True):
     """A mission to fly, as it is sent to a worker."""
 
     number: int
+    software: str
+    """Which code is to fly it."""
     scenario_json: str
     seed: int
 
@@ -160,11 +167,6 @@ def differences(stored: Campaign, asked: Campaign) -> list[str]:
     if not found and stored != asked:
         found.append('its cases are in another order')
     return found
-
-
-def this_software() -> str:
-    """Return the version of Shearwater with a digest of its code."""
-    return f'{software_version()}, code {code_digest()}'
 
 
 def run_arguments(case: Case, seed: int) -> list[str]:

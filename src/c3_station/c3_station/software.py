@@ -22,6 +22,11 @@ def software_version() -> str:
         return 'not installed'
 
 
+def this_software() -> str:
+    """Return the version of Shearwater with a digest of its code."""
+    return f'{software_version()}, code {code_digest()}'
+
+
 def code_digest() -> str:
     """Return twelve characters that differ where any code of Shearwater does."""
     digest = sha256()

@@ -12,6 +12,7 @@ from c3_station import campaign_mission
 from c3_station.campaign_mission import (
     MissionExit,
     MissionResult,
+    OtherCodeError,
     crashed,
     fly_mission,
     fly_missions,
@@ -21,12 +22,18 @@ from c3_station.in_process import fly
 from c3_station.scenario import Scenario
 from c3_station.scenario_changes import read_change
 from c3_station.scenario_files import load_scenario, scenario_json, with_choices
+from c3_station.software import this_software
 from c3_station.summary import Summarizer, Summary
 
 
 def job_of(*changes: str, name: str = 'minimal', seed: int = 3) -> MissionJob:
     scenario = with_choices(load_scenario(name), changes=[read_change(text) for text in changes])
-    return MissionJob(number=7, scenario_json=scenario_json(scenario).decode(), seed=seed)
+    return MissionJob(
+        number=7,
+        software=this_software(),
+        scenario_json=scenario_json(scenario).decode(),
+        seed=seed,
+    )
 
 
 def summary_of(scenario: Scenario) -> Summary:
@@ -67,6 +74,14 @@ def test_what_was_flown_before_changes_nothing() -> None:
     first, other, again = map(without_wall_time, fly_missions(jobs))
     assert first == again
     assert first != other
+
+
+def test_missions_for_other_code_are_not_flown() -> None:
+    own = job_of()
+    other = msgspec.structs.replace(own, software='0.1.0, code another')
+    for jobs in ([other], [own, other]):
+        with pytest.raises(OtherCodeError, match=r'has other code, .*; allowed: 0.1.0, code ano'):
+            fly_missions(jobs)
 
 
 def test_a_mission_that_does_not_end_is_stopped() -> None:

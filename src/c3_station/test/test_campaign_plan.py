@@ -10,7 +10,7 @@ import msgspec
 import pytest
 
 import auv_sim
-from c3_station import campaign_plan
+from c3_station import software
 from c3_station.campaign_plan import (
     Campaign,
     differences,
@@ -157,7 +157,7 @@ def test_other_code_and_a_changed_file_make_another_campaign(
     assert differences(before, after) == [f'the scenario of {file}, as it is, robust has changed']
     assert scenario_of(before, case) != scenario_from_json(case.scenario_json.encode())
 
-    monkeypatch.setattr(campaign_plan, 'code_digest', lambda: 'another')
+    monkeypatch.setattr(software, 'code_digest', lambda: 'another')
     (difference,) = differences(after, planned(scenarios=[str(file)], planners=['robust']))
     assert 'this is 0.1.0, code another' in difference
 
