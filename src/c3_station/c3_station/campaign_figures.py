@@ -54,7 +54,7 @@ class _Row:
 
 def draw_violations(section: Section) -> Figure:
     """Draw how many missions had a sortie over its limit, with 95 % intervals."""
-    rows = _rows(section, section.planners)
+    rows = _rows(section)
     figure, axes = _figure_of_rows(rows, section)
     for row in rows:
         share = row.group.violations
@@ -69,7 +69,7 @@ def draw_violations(section: Section) -> Figure:
 
 def draw_spread(section: Section, metric: Metric) -> Figure | None:
     """Draw how a figure is distributed in each group: quartiles, percentiles 10 and 90, median."""
-    rows = _rows(section, section.planners)
+    rows = _rows(section)
     spreads = [(row, row.group.spread(metric)) for row in rows]
     if not any(spread for _, spread in spreads):
         return None
@@ -87,14 +87,12 @@ def draw_spread(section: Section, metric: Metric) -> Figure | None:
 
 def draw_differences(section: Section, metric: Metric) -> Figure | None:
     """Draw how each planner does beside the first one, mission by mission on the same seeds."""
-    base, *others = section.planners
-    bases = {group.variation: group for group in section.groups if group.planner == base}
+    first, *others = section.planners
     rows, comparisons = [], []
-    for row in _rows(section, others):
-        beside = bases.get(row.group.variation)
-        comparison = compare(row.group, beside, metric) if beside else None
+    for group, base in section.beside_first():
+        comparison = compare(group, base, metric)
         if comparison is not None:
-            rows.append(row)
+            rows.append(_row(group, section, others))
             comparisons.append(comparison)
     if not rows:
         return None
@@ -103,7 +101,7 @@ def draw_differences(section: Section, metric: Metric) -> Figure | None:
     for row, comparison in zip(rows, comparisons, strict=True):
         _draw_box(axes, row, comparison.difference)
         _note_right(axes, row, f'less on {100.0 * comparison.better.fraction:.0f} %')
-    axes.set_xlabel(f'difference to {base} ({metric.unit})')
+    axes.set_xlabel(f'difference to {first} ({metric.unit})')
     return figure
 
 
@@ -195,31 +193,29 @@ def _sorties(section: Section, planner: str) -> tuple[NDArray[np.float64], NDArr
 # --- groups in rows ------------------------------------------------------------------------------
 
 
-def _rows(section: Section, planners: Sequence[str]) -> list[_Row]:
-    """Return a row for each group: variations from top to bottom, in each the planners chosen."""
-    step = 0.8 / max(1, len(planners))
-    rows = []
-    for group in section.groups:
-        if group.planner in planners:
-            place = planners.index(group.planner) - (len(planners) - 1) / 2
-            number = section.planners.index(group.planner)
-            rows.append(
-                _Row(
-                    y=section.variations.index(group.variation) + place * step,
-                    group=group,
-                    colour=_COLOURS[number % len(_COLOURS)],
-                    marker=_MARKERS[number % len(_MARKERS)],
-                )
-            )
-    return rows
+def _rows(section: Section) -> list[_Row]:
+    """Return a row for each group: variations from top to bottom, in each all planners."""
+    return [_row(group, section, section.planners) for group in section.groups]
+
+
+def _row(group: Group, section: Section, planners: Sequence[str]) -> _Row:
+    """Return where a group is drawn among those of some planners in its variation."""
+    step = 0.8 / len(planners)
+    place = planners.index(group.planner) - (len(planners) - 1) / 2
+    number = section.planners.index(group.planner)
+    return _Row(
+        y=section.variations.index(group.variation) + place * step,
+        group=group,
+        colour=_COLOURS[number % len(_COLOURS)],
+        marker=_MARKERS[number % len(_MARKERS)],
+    )
 
 
 def _figure_of_rows(rows: Sequence[_Row], section: Section) -> tuple[Figure, Axes]:
     """Return a figure with a labelled place for every variation, and a legend of the planners."""
     variations = section.variations
     labels = [_label(variation) for variation in variations]
-    lines = sum(max(label.count('\n') + 1, 0) for label in labels)
-    planners = dict.fromkeys(row.group.planner for row in rows)
+    lines = sum(label.count('\n') + 1 for label in labels)
     figure, axes = new_figure(1.3 + max(0.26 * len(rows), 0.2 * lines))
     axes.set_yticks(range(len(variations)), labels)
     axes.set_ylim(len(variations) - 0.5, -0.5)
@@ -233,7 +229,7 @@ def _figure_of_rows(rows: Sequence[_Row], section: Section) -> tuple[Figure, Axe
         Line2D([], [], color=row.colour, marker=row.marker, ls='-', lw=1.2, label=planner)
         for planner, row in styles.items()
     ]
-    legend_below(figure, list(handles), min(4, len(planners)))
+    legend_below(figure, list(handles), min(4, len(handles)))
     return figure, axes
 
 

@@ -14,7 +14,7 @@ from c3_station.campaign_mission import MissionExit
 from c3_station.campaign_statistics import Share, Spread, spread_of
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Mapping
+    from collections.abc import Callable, Iterable, Iterator, Mapping
 
     from c3_station.campaign_mission import MissionResult
     from c3_station.campaign_plan import Campaign
@@ -23,7 +23,11 @@ _SECTIONS_MAX = 6
 """With more scenarios than this, nobody compares them one by one."""
 
 FlightKey = tuple[str, int]
-"""Scenario and seed: missions of two groups with the same key had the same draws."""
+"""
+What was flown, and the seed: missions of two groups with the same key had the same draws.
+
+What was flown is named by its scenario; where a group has several variations, by both.
+"""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -162,6 +166,14 @@ class Section:
         """Return the figures that are compared; a time to explore only in one and the same sea."""
         explored = EXPLORED if len(self.scenarios) == 1 else EXPLORED_RATIO
         return (explored, NEGLECT, C3_WAIT, DATA_AGE)
+
+    def beside_first(self) -> Iterator[tuple[Group, Group]]:
+        """Yield the groups of every planner but the first, each with the first one's beside it."""
+        first = self.planners[0]
+        bases = {group.variation: group for group in self.groups if group.planner == first}
+        for group in self.groups:
+            if group.planner != first and group.variation in bases:
+                yield group, bases[group.variation]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -171,17 +171,12 @@ def _pictures(section: Section) -> Iterator[Picture]:
 
 def _paired(section: Section) -> Iterator[PairedRow]:
     """Yield how every planner but the first does beside it."""
-    bases = {
-        group.variation: group for group in section.groups if group.planner == section.planners[0]
-    }
-    for group in section.groups:
-        base = bases.get(group.variation)
-        if base is not None and group is not base:
-            yield PairedRow(
-                variation=group.variation,
-                planner=group.planner,
-                comparisons=tuple(compare(group, base, metric) for metric in section.metrics),
-            )
+    for group, base in section.beside_first():
+        yield PairedRow(
+            variation=group.variation,
+            planner=group.planner,
+            comparisons=tuple(compare(group, base, metric) for metric in section.metrics),
+        )
 
 
 def _told(campaign: Campaign, results: Sequence[MissionResult]) -> dict[str, list[ToldMission]]:

@@ -99,6 +99,16 @@ def test_totals_hold_all_missions_of_a_planner() -> None:
     ]
 
 
+def test_planners_stand_beside_the_first_one_in_the_same_variation() -> None:
+    campaign = sample_campaign('surfacing=slow,mixed,early_10', seeds=1)
+    # Not flown yet: robust with slow, ecc2009 with mixed.
+    (section,) = sections_of(campaign, [sample_result(number) for number in (1, 4, 5, 6)])
+    assert [
+        (group.variation, group.planner, base.variation, base.planner)
+        for group, base in section.beside_first()
+    ] == [('surfacing=early_10', 'robust', 'surfacing=early_10', 'ecc2009')]
+
+
 def test_planners_are_compared_on_the_same_seeds() -> None:
     campaign = sample_campaign(seeds=4)  # number 2 k - 1 is ecc2009 on seed k - 1, 2 k robust
     explored_s = {1: 500.0, 2: 480.0, 3: 500.0, 4: 510.0, 5: None, 6: 400.0, 7: 450.0, 8: 420.0}
