@@ -23,15 +23,12 @@ from c3_station.scenario_files import (
 from c3_station.software import this_software
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterable, Sequence
 
     from c3_station.scenario import Scenario
 
 _CHOSEN_ELSEWHERE = {'seed': '--seed', 'planner.name': '--planner', 'planner': '--planner'}
 """Keys that every case sets itself."""
-
-
-_AS_IT_IS = 'as it is'
 
 
 class Case(msgspec.Struct, frozen=True, kw_only=True):
@@ -48,7 +45,7 @@ class Case(msgspec.Struct, frozen=True, kw_only=True):
     @property
     def variation(self) -> str:
         """Return the changes in a line."""
-        return ' '.join(self.changes) or _AS_IT_IS
+        return _in_a_line(self.changes)
 
 
 class Campaign(msgspec.Struct, frozen=True, kw_only=True):
@@ -198,14 +195,18 @@ def _case(name: str, scenario: Scenario, changes: Sequence[Change], planner: str
     try:
         varied = with_choices(scenario, planner=planner, changes=changes)
     except ValueError as error:
-        variation = ' '.join(map(str, changes)) or _AS_IT_IS
-        raise ValueError(f'{name}, {variation}, {planner}: {error}') from None
+        raise ValueError(f'{name}, {_in_a_line(changes)}, {planner}: {error}') from None
     return Case(
         scenario=name,
         changes=tuple(map(str, changes)),
         planner=planner,
         scenario_json=scenario_json(varied).decode(),
     )
+
+
+def _in_a_line(changes: Iterable[Change | str]) -> str:
+    """Return the name of a variation."""
+    return ' '.join(map(str, changes)) or 'as it is'
 
 
 def _refuse_twice(option: str, names: Sequence[str]) -> None:
