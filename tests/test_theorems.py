@@ -708,7 +708,6 @@ def errands(draw: st.DrawFn) -> tuple[Errand, ...]:
     )
 
 
-@settings(max_examples=300)
 @given(
     errands=errands(),
     step_m=st.sampled_from([1.0, 1.5, 2.0, 4.0, 5.0, 7.0, 30.0]),
