@@ -12,6 +12,7 @@ from pathlib import Path
 import pytest
 import rclpy
 from domain_coordinator import domain_id
+from patience import PATIENCE_S, wait_until
 from rclpy.context import Context
 from rclpy.publisher import Publisher
 
@@ -44,8 +45,6 @@ NODES = [
     ('c3_station', 'c3'),
     ('c3_station', 'recorder'),
 ]
-UP_S = 20.0
-ENDS_S = 60.0
 
 
 class Node:
@@ -69,9 +68,9 @@ class Node:
     def is_up(self) -> bool:
         return self._process.poll() is None
 
-    def end(self, timeout_s: float = ENDS_S) -> tuple[int, str]:
+    def end(self) -> tuple[int, str]:
         """Wait for the end; return exit code and output."""
-        output, _ = self._process.communicate(timeout=timeout_s)
+        output, _ = self._process.communicate(timeout=PATIENCE_S)
         return self._process.returncode, output
 
     def kill(self) -> None:
@@ -141,10 +140,8 @@ class Listener:
             self._executor.spin_once(timeout_sec=left_s)
 
     def wait_for(self, holds: Callable[[], bool]) -> None:
-        deadline_s = time.monotonic() + UP_S
-        while not holds():
-            assert time.monotonic() < deadline_s, 'it did not happen in time'
-            self.spin(0.1)
+        """Wait until something holds, and hear what is said meanwhile."""
+        wait_until(holds, lambda: self.spin(0.1))
 
     def close(self) -> None:
         self._node.destroy_node()
