@@ -169,7 +169,7 @@ def test_bag_without_messages_is_readable_and_declares_its_topics(tmp_path: Path
 # --- round trip ----------------------------------------------------------------------------------
 
 
-@settings(deadline=None, max_examples=40)
+@settings(max_examples=40)
 @given(
     messages=st.lists(
         st.tuples(
@@ -255,7 +255,6 @@ def test_every_recorded_type_has_a_stamp() -> None:
     assert recorded <= {ros_type for ros_type, _ in STAMPED}
 
 
-@settings(deadline=None)
 @given(ros_type=st.sampled_from([each for each, _ in STAMPED]), cdr=st.binary(max_size=40))
 def test_bytes_that_are_no_message_have_no_stamp_or_some_time(ros_type: str, cdr: bytes) -> None:
     stamp = stamp_ns(ros_type, cdr)
@@ -415,7 +414,7 @@ def whole_file() -> bytes:
         return (Path(folder) / 'bag' / 'bag.mcap').read_bytes()
 
 
-@settings(deadline=None, max_examples=60, suppress_health_check=[HealthCheck.too_slow])
+@settings(max_examples=60, suppress_health_check=[HealthCheck.too_slow])
 @given(data=st.data())
 def test_recovery_saves_every_whole_message_wherever_the_file_ends(
     tmp_path_factory: pytest.TempPathFactory, data: st.DataObject
@@ -452,7 +451,7 @@ def test_recovery_saves_every_whole_message_wherever_the_file_ends(
     assert [each.topic for each in saved] == [RECORDED[n % 2].name for n in range(len(expected))]
 
 
-@settings(deadline=None, max_examples=80, suppress_health_check=[HealthCheck.too_slow])
+@settings(max_examples=80, suppress_health_check=[HealthCheck.too_slow])
 @given(data=st.data())
 def test_damaged_file_is_read_or_refused(
     tmp_path_factory: pytest.TempPathFactory, data: st.DataObject

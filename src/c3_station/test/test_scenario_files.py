@@ -404,7 +404,7 @@ def places(value: object, path: tuple[str | int, ...] = ()) -> list[tuple[str | 
     return found + [place for key, item in items for place in places(item, (*path, key))]
 
 
-@settings(deadline=None, max_examples=150)
+@settings(max_examples=150)
 @given(path=st.sampled_from(places(ECC2009)), value=plain_values)
 def test_any_value_anywhere_either_loads_or_is_a_scenario_error(
     tmp_path_factory: pytest.TempPathFactory, path: tuple[str | int, ...], value: object
@@ -417,7 +417,7 @@ def test_any_value_anywhere_either_loads_or_is_a_scenario_error(
     assert scenario_from_json(scenario_json(scenario)) == scenario
 
 
-@settings(deadline=None, max_examples=100)
+@settings(max_examples=100)
 @given(text=st.text(alphabet=st.sampled_from('ab:- []{},&*!?|>#"\'\n\t1.e~'), max_size=60))
 def test_any_text_is_a_scenario_error(tmp_path_factory: pytest.TempPathFactory, text: str) -> None:
     with pytest.raises(ScenarioError):

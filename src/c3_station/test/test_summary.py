@@ -425,7 +425,6 @@ def test_nothing_recorded_gives_a_summary_of_nulls() -> None:
     assert json.loads(summary.to_json())['sorties'] == []
 
 
-@settings(deadline=None)
 @given(st.randoms(use_true_random=False), st.integers(0, len(MISSION)))
 def test_order_of_arrival_does_not_matter(shuffler: random.Random, end: int) -> None:
     events = MISSION[:end]
@@ -485,7 +484,6 @@ def test_lower_bound_of_the_reference_mission() -> None:
     assert lower_bound_s(load_scenario('ecc2009')) == 330.0  # 33 cells for the busiest AUV
 
 
-@settings(deadline=None)
 @given(
     cols=st.integers(2, 9),
     rows=st.integers(1, 9),
@@ -642,7 +640,7 @@ def test_reference_mission_shows_what_the_paper_does() -> None:
     assert summary.radio.delivered > 0
 
 
-@settings(deadline=None, max_examples=25)
+@settings(max_examples=25)
 @given(data=st.data())
 def test_every_beginning_of_a_mission_has_a_summary(data: st.DataObject) -> None:
     records = flown('minimal', 0.5, 3)
