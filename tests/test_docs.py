@@ -25,7 +25,7 @@ from rosbags.typesys import Stores, get_typestore
 
 import orchestrate
 from c3_station import cli
-from c3_station.bench_guarantee import _BOARDS as BOARDS
+from c3_station.bench_guarantee import BOARDS
 from c3_station.bench_ties import print_ties
 from c3_station.graph import mission_nodes
 from c3_station.in_process import fly

@@ -10,7 +10,7 @@ from rich.table import Table
 from uav_planner.guarantee_oracle import count_refusals
 from uav_planner.oracle_boards import BLOCK, STRIP
 
-_BOARDS = (
+BOARDS = (
     STRIP,
     replace(STRIP, limit_s=11.0),
     replace(STRIP, moves=2),
@@ -31,7 +31,7 @@ def print_refusals(console: Console) -> None:
     )
     for column in ('cells', 'moves', 'UAV, m/s', 'L, s', 'paths', 'keep L for ever', 'refused'):
         table.add_column(column, justify='right')
-    for board in _BOARDS:
+    for board in BOARDS:
         count = count_refusals(board.mission, board.legs)
         table.add_row(
             f'{board.cols} x {board.rows}',

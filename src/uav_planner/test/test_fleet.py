@@ -273,5 +273,5 @@ class Survey(RuleBasedStateMachine):
         self.counted[auv] = leg.path[1:] if leg is not None else ()
 
 
-Survey.TestCase.settings = settings(max_examples=100, stateful_step_count=30, deadline=None)
+Survey.TestCase.settings = settings(max_examples=100, stateful_step_count=30)
 TestSurvey = Survey.TestCase

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
@@ -22,7 +22,6 @@ from uav_planner.guarantee import (
     least_limit_s,
 )
 from uav_planner.guarantee_oracle import (
-    count_refusals,
     legs_after,
     meeting_request,
     next_sortie,
@@ -98,16 +97,6 @@ def test_at_every_meeting_that_can_follow_some_path_keeps_the_limit(board: Board
     assert meetings > 100
 
 
-@pytest.mark.parametrize(
-    'board', [BOARDS['strip'], pytest.param(BLOCK, marks=pytest.mark.slow)], ids=['strip', 'block']
-)
-def test_almost_nothing_is_refused_that_wins_the_game(board: Board) -> None:
-    """What `bench guarantee` measures on more boards."""
-    count = count_refusals(board.mission, board.legs)
-    assert count.winning < count.paths, 'a board where everything wins shows nothing'
-    assert count.refused <= 0.01 * count.winning
-
-
 def assert_clears(mission: MissionSpec, track: Path, search: tuple[Point, ...]) -> None:
     """Check that everything between two cells of a track is heard from some one waypoint."""
     centres = [mission.grid.centre(cell) for cell in track]
@@ -148,7 +137,6 @@ def missions(draw: st.DrawFn) -> tuple[MissionSpec, tuple[SurveyLeg, ...]]:
     return replace(mission, sortie_limit_s=least_limit_s(mission, legs) + spare_s), legs
 
 
-@settings(deadline=None)
 @given(missions(), st.data())
 def test_whatever_is_chosen_and_wherever_auvs_surface_the_limit_is_kept(
     start: tuple[MissionSpec, tuple[SurveyLeg, ...]], data: st.DataObject
@@ -174,7 +162,6 @@ def test_whatever_is_chosen_and_wherever_auvs_surface_the_limit_is_kept(
             legs = legs_after(request, offer)
 
 
-@settings(deadline=None)
 @given(missions(), st.data())
 def test_many_paths_at_once_are_judged_as_one_at_a_time(
     start: tuple[MissionSpec, tuple[SurveyLeg, ...]], data: st.DataObject
@@ -214,7 +201,6 @@ INITIAL_LEGS = legs_of([((3, 7), (4, 7)), ((2, 9), (3, 9)), ((1, 2), (1, 1))])
 FIRST_SORTIE = next_sortie(REFERENCE, INITIAL_LEGS)
 
 
-@settings(deadline=None)
 @given(missions(), st.data())
 def test_a_sortie_leaves_as_early_as_the_limit_and_the_first_deadline_allow(
     start: tuple[MissionSpec, tuple[SurveyLeg, ...]], data: st.DataObject
@@ -315,8 +301,8 @@ def met_in_a_row() -> PlanRequest:
 
 
 def met_early() -> PlanRequest:
-    """Return the first meeting of the reference mission, with paths of four moves."""
-    return met_first(mission=replace(REFERENCE, path_cells=4))
+    """Return the first meeting of the reference mission, with paths of three moves."""
+    return met_first(mission=replace(REFERENCE, path_cells=3))
 
 
 @pytest.mark.parametrize(

@@ -279,7 +279,7 @@ def auv_orders(draw: st.DrawFn, region: GridSpec, name: str) -> AuvOrder:
 
 
 @given(missions(), st.integers(0, 2**32), st.sampled_from([0.0, 0.0, 0.3]))
-@settings(max_examples=60)
+@settings(max_examples=30)
 def test_without_wind_nothing_is_ever_broken_off_or_late(
     mission: MissionOrder, seed: int, loss: float
 ) -> None:
