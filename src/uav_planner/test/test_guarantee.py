@@ -371,6 +371,29 @@ def test_what_is_new_is_gone_for_though_the_round_costs_more_than_it_is_worth(
     assert plan.path[-1] == (end_col, 0)
 
 
+@pytest.mark.parametrize(
+    ('visits', 'other_path', 'newly_entered', 'end_col'),
+    [
+        (4, ((3, 0), (4, 0)), None, 0),  # auv_2 is nearer to the new cell: make room
+        (3, ((3, 0), (4, 0)), None, 4),  # nobody was here for long
+        (4, ((3, 0), (4, 0)), 4, 4),  # auv_2 finds something new: it needs no room
+        (4, ((2, 0), (1, 0)), None, 4),  # it is nobody's turn but ours
+        (4, ((3, 0), (2, 0)), None, 4),  # as near as the other, and before it
+    ],
+)
+def test_where_nobody_finds_anything_new_all_make_room_for_the_nearest(
+    visits: int, other_path: Path, newly_entered: int | None, end_col: int
+) -> None:
+    mission = replace(met_in_a_row().mission, sortie_limit_s=20.0)
+    legs = next_sortie(mission, legs_of([((1, 0), (2, 0)), other_path]))
+    values = np.full((1, 6), 0.5**visits)
+    values[0, 5] = 1.0
+    if newly_entered is not None:
+        values[0, newly_entered] = 0.5
+    request = replace(meeting_request(mission, legs, 'auv_1', ((2, 0), None)), values=values)
+    assert RobustPlanner().plan_path(request).path[-1] == (end_col, 0)
+
+
 def test_with_the_fleet_out_of_reach_an_auv_stays_near_and_is_said_to() -> None:
     beyond = replace(REFERENCE, sortie_limit_s=35.0)
     plan = RobustPlanner().plan_path(met_first(mission=beyond))

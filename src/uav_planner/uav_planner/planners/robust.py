@@ -14,7 +14,7 @@ from uav_planner.candidate_paths import (
     walk_table,
 )
 from uav_planner.guarantee import GuaranteedPaths, guaranteed_sortie
-from uav_planner.planning import PlanResult, PlanStatus
+from uav_planner.planning import PlanResult, PlanStatus, Prospect
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
     from msgs_json.geometry import Cell
     from uav_planner.candidate_paths import WalkTable
-    from uav_planner.planning import PlanRequest, SortiePlan, SortieRequest
+    from uav_planner.planning import MissionSpec, PlanRequest, SortiePlan, SortieRequest
 
 ROUND_COST = 3.0
 """
@@ -39,6 +39,9 @@ What each cell between a path's end and the nearest unexplored one takes off its
 
 Less than a cell visited twice is worth, so that it decides only where little is left nearby.
 """
+
+STUCK_VALUE = 0.5**4
+"""An AUV in a cell of this value or less may be one that moves to and fro for ever."""
 
 BLOCKS = (64, 256, 1024)
 """So many paths are looked at at once, best first: often a few are enough."""
@@ -114,7 +117,8 @@ def _best_path(
 
     If it neither finds anything new nor ends nearer to it, it is the best of those that do, if one
     is allowed: a longer round may take off more than that is worth, and the AUV would move to and
-    fro for ever.
+    fro for ever. Where nobody finds anything new, AUVs in two corners may keep each other from it:
+    then the nearest one goes there, and the others make room, nearer to C3.
     """
     moves_left = _moves_to_unexplored(request.values)
     at_ends = table.at_ends(moves_left, request.cell)
@@ -124,13 +128,31 @@ def _best_path(
     best = _best_walk(request, table, guaranteed, scores)
     if best is None:
         return None
-    gets_on = table.finds_new(request.values, request.cell)
-    gets_on |= at_ends < moves_left[request.mission.grid.index(request.cell)]
+    finds_new = table.finds_new(request.values, request.cell)
+    gets_on = finds_new | (at_ends < moves_left[request.mission.grid.index(request.cell)])
     if not gets_on[best]:
-        scores[~gets_on] = -np.inf
-        other = _best_walk(request, table, guaranteed, scores)
+        other = _best_walk(request, table, guaranteed, np.where(gets_on, scores, -np.inf))
         best = best if other is None else other
+    if not finds_new[best] and _is_to_make_room(request, moves_left):
+        # A move nearer to C3 counts as much as a whole round.
+        room = -ROUND_COST * table.at_ends(_moves_to_c3(request.mission), request.cell)
+        away = _best_walk(request, table, guaranteed, np.where(inside, room, -np.inf))
+        best = best if away is None else away
     return table.path(best, request.cell)
+
+
+def _is_to_make_room(request: PlanRequest, moves_left: NDArray[np.float64]) -> bool:
+    """Return whether no other AUV finds anything new, and one is nearer to what is left."""
+    index_of = request.mission.grid.index
+    if request.values[index_of(request.cell)] > STUCK_VALUE:
+        return False
+    legs = [leg for leg in request.legs if leg.prospect is not Prospect.ASTRAY]
+    entered = (cell for leg in legs if leg.auv != request.auv for cell in leg.path[1:])
+    if any(request.values[index_of(cell)] == 0.5 for cell in entered):
+        return False  # entered once: it is new
+    ends = {leg.auv: leg.path[-1] for leg in legs} | {request.auv: request.cell}
+    nearest = min(ends, key=lambda auv: moves_left[index_of(ends[auv])])  # the first of several
+    return nearest != request.auv
 
 
 def _best_walk(
@@ -185,6 +207,15 @@ def _moves_to_unexplored(values: NDArray[np.float64]) -> NDArray[np.float64]:
         from_before = np.minimum.accumulate(along - places) + places
         from_behind = np.minimum.accumulate((along + places)[::-1])[::-1] - places
         np.minimum(from_before, from_behind, out=along)
+    return moves
+
+
+def _moves_to_c3(mission: MissionSpec) -> NDArray[np.float64]:
+    """Return how far every cell is from C3, as the crow flies, in moves."""
+    cols, rows = np.arange(mission.grid.cols), np.arange(mission.grid.rows).reshape(-1, 1)
+    c3_col = mission.c3.east_m / mission.grid.cell_m - 0.5
+    c3_row = mission.c3.north_m / mission.grid.cell_m - 0.5
+    moves: NDArray[np.float64] = np.hypot(cols - c3_col, rows - c3_row)
     return moves
 
 
