@@ -315,7 +315,8 @@ def test_robust_chooses_as_a_comparison_of_all_paths_would(
     grid, moves = meeting.mission.grid, meeting.mission.path_cells
     visits = arrays(np.float64, (grid.rows, grid.cols), elements=st.integers(0, 3))
     values = np.exp2(-data.draw(visits))
-    values[grid.index(meeting.cell)] /= 2.0  # it was entered
+    # It was entered, but not so often that the AUV might have to make room.
+    values[grid.index(meeting.cell)] = min(values[grid.index(meeting.cell)], 0.5)
     limit_s = data.draw(st.sampled_from(limits_s))
     tie_order = data.draw(st.sampled_from(every_tie_order()))
     request = replace(
