@@ -120,6 +120,7 @@ def test_bad_input_is_one_clear_message(
     assert told in message
 
 
+@pytest.mark.slow
 def test_a_truncated_bag_is_named_and_can_be_mended(
     tiny: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

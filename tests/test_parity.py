@@ -70,6 +70,7 @@ def test_nodes_and_one_process_fly_the_same_mission(tmp_path: Path, name: str) -
         assert messages == nodes[topic], topic
 
 
+@pytest.mark.slow
 def test_the_same_run_twice_is_the_same(tmp_path: Path) -> None:
     (tmp_path / 'uncertain.yaml').write_text(UNCERTAIN)
     scenario = str(tmp_path / 'uncertain.yaml')
@@ -77,6 +78,7 @@ def test_the_same_run_twice_is_the_same(tmp_path: Path) -> None:
     assert first == flown(scenario, tmp_path / 'second', '--no-ros')
 
 
+@pytest.mark.slow
 def test_another_seed_is_another_mission(tmp_path: Path) -> None:
     (tmp_path / 'uncertain.yaml').write_text(UNCERTAIN)
     scenario = str(tmp_path / 'uncertain.yaml')
