@@ -168,7 +168,7 @@ class AuvAgent:
 
     def _enter_cells(self, state: AuvState, now_s: float) -> list[Output]:
         if state.waypoints_reached == self._reached:
-            return []
+            return []  # as at most ticks
         newly_reached = self._cells_ahead[self._reached : state.waypoints_reached]
         self._reached = state.waypoints_reached
         return [self._enter(cell, now_s) for cell in newly_reached if cell is not None]

@@ -423,6 +423,9 @@ def _round_s(mission: MissionSpec, paths: Sequence[tuple[Cell, ...]], auvs: int)
     return least_limit_s(mission, legs) + others_s
 
 
+# --- surfacing models ----------------------------------------------------------------------------
+
+
 def _draw_surfacing(
     draw: _Draw, models: Sequence[str], speed_mps: float, survey_s: float
 ) -> dict[str, Any]:

@@ -286,15 +286,14 @@ def test_robust_keeps_the_tightest_limit_with_the_searches_that_were_promised() 
 
 def met_in_a_row() -> PlanRequest:
     """Return a meeting on a row of six cells, where every cell farther costs a round a lot."""
-    mission = MissionSpec(
+    mission = replace(
+        REFERENCE,
         grid=GridSpec(cols=6, rows=1, cell_m=10.0),
         c3=Point(east_m=5.0, north_m=5.0),
         radio_range_m=10.0,
         uav_speed_mps=10.0,
-        tick_s=1.0,
         sortie_limit_s=4.0,
         path_cells=2,
-        min_path_cells=1,
     )
     legs = next_sortie(mission, legs_of([((0, 0), (1, 0))]))
     return meeting_request(mission, legs, 'auv_1', ((1, 0), None))
