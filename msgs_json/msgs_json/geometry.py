@@ -9,11 +9,17 @@ Arrays over cells are indexed ``[row, col]``; files and messages write a cell as
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections import deque
+from collections.abc import Iterable, Iterator, Sequence
+from functools import cached_property
 from itertools import pairwise
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import msgspec
+import numpy as np
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
 
 TOLERANCE = 1e-9
 """
@@ -61,8 +67,13 @@ class Point(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tru
         )
 
 
-class GridSpec(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """The surveyed region: ``cols x rows`` square cells, cell (0, 0) in the south-west."""
+class GridSpec(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True, dict=True):
+    """
+    The surveyed region: ``cols x rows`` square cells, cell (0, 0) in the south-west.
+
+    Masked cells are not part of it: no AUV goes there. So it need be neither a rectangle nor in
+    one piece. Whoever takes a region from outside asks `mask_problems` and `unreachable_cells`.
+    """
 
     cols: Annotated[int, msgspec.Meta(ge=1, le=1000, description='cells from west to east')]
     rows: Annotated[int, msgspec.Meta(ge=1, le=1000, description='cells from south to north')]
@@ -70,22 +81,63 @@ class GridSpec(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=
         float,
         msgspec.Meta(gt=0, le=1e5, description='cell width w', extra_json_schema={'x-unit': 'm'}),
     ]
+    masked: Annotated[
+        tuple[Cell, ...],
+        msgspec.Meta(description='cells that are not part of the region: land, no-go'),
+    ] = ()
+
+    @cached_property
+    def _masked_cells(self) -> frozenset[Cell]:
+        return frozenset(cell for cell in self.masked if self.is_on_grid(cell))
+
+    @cached_property
+    def mask(self) -> NDArray[np.bool_]:
+        """Return which cells are masked: shape (rows, cols), ``[row, col]``, read-only."""
+        mask = np.zeros((self.rows, self.cols), dtype=np.bool_)
+        for cell in self._masked_cells:
+            mask[self.index(cell)] = True
+        mask.flags.writeable = False
+        return mask
+
+    @cached_property
+    def cells(self) -> tuple[Cell, ...]:
+        """Return the cells of the region, row by row from the south-west corner."""
+        return tuple(
+            (col, row)
+            for row in range(self.rows)
+            for col in range(self.cols)
+            if (col, row) not in self._masked_cells
+        )
 
     @property
     def cells_total(self) -> int:
-        """Return the number of cells."""
-        return self.cols * self.rows
+        """Return the number of cells of the region."""
+        return self.cols * self.rows - len(self._masked_cells)
+
+    def is_on_grid(self, cell: Cell) -> bool:
+        """Return whether a cell is one of ``cols x rows``, masked or not."""
+        col, row = cell
+        return 0 <= col < self.cols and 0 <= row < self.rows
 
     def contains(self, cell: Cell) -> bool:
-        """Return whether a cell lies in the region."""
-        return 0 <= cell[0] < self.cols and 0 <= cell[1] < self.rows
+        """Return whether a cell is one of the region."""
+        col, row = cell
+        return 0 <= col < self.cols and 0 <= row < self.rows and cell not in self._masked_cells
+
+    def problem_with(self, cell: Cell) -> str | None:
+        """Return why a cell is none of the region, or None if it is one."""
+        if not self.is_on_grid(cell):
+            return f'cell {list(cell)} lies outside the region of {self.cols} x {self.rows} cells'
+        if cell in self._masked_cells:
+            return f'cell {list(cell)} is masked (land, no-go)'
+        return None
 
     def centre(self, cell: Cell) -> Point:
         """Return the centre of a cell in frame ``map``."""
         return Point(east_m=(cell[0] + 0.5) * self.cell_m, north_m=(cell[1] + 0.5) * self.cell_m)
 
     def cell_at(self, point: Point) -> Cell:
-        """Return the cell that holds a point; a point outside gives the nearest cell."""
+        """Return the cell that holds a point, masked or not; one outside gives the nearest."""
         col = math.floor(point.east_m / self.cell_m)
         row = math.floor(point.north_m / self.cell_m)
         return (min(max(col, 0), self.cols - 1), min(max(row, 0), self.rows - 1))
@@ -95,6 +147,18 @@ class GridSpec(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=
         col, row = cell
         around = ((col + 1, row), (col, row + 1), (col - 1, row), (col, row - 1))
         return tuple(each for each in around if self.contains(each))
+
+    def moves_from(self, sources: Iterable[Cell]) -> dict[Cell, int]:
+        """Return how many moves each cell is from the nearest source; only those in reach."""
+        moves = dict.fromkeys(sources, 0)
+        waiting = deque(moves)
+        while waiting:
+            cell = waiting.popleft()
+            for neighbour in self.neighbours(cell):
+                if neighbour not in moves:
+                    moves[neighbour] = moves[cell] + 1
+                    waiting.append(neighbour)
+        return moves
 
     def neighbour_toward(self, cell: Cell, point: Point, among: Iterable[Cell]) -> Cell | None:
         """Return the neighbour on whose side of a cell's centre a point lies, None if on none."""
@@ -115,13 +179,32 @@ class GridSpec(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=
         return (cell[1], cell[0])
 
 
+def mask_problems(region: GridSpec) -> Iterator[tuple[int, str]]:
+    """Yield what is wrong with masked cells: the place of each in ``masked``, and why."""
+    seen: set[Cell] = set()
+    for index, cell in enumerate(region.masked):
+        if not region.is_on_grid(cell):
+            yield (
+                index,
+                f'cell {list(cell)} lies outside the grid of {region.cols} x {region.rows} cells',
+            )
+        elif cell in seen:
+            yield index, f'cell {list(cell)} is masked twice'
+        seen.add(cell)
+
+
+def unreachable_cells(region: GridSpec, starts: Iterable[Cell]) -> tuple[Cell, ...]:
+    """Return the cells of a region to which no way leads from any of the starts, row by row."""
+    reachable = region.moves_from(starts)
+    return tuple(cell for cell in region.cells if cell not in reachable)
+
+
 def path_problem(path: Sequence[Cell], region: GridSpec | None = None) -> str | None:
     """Return why cells are no path of single moves (inside a region), or None if they are one."""
     for cell in path:
-        if region is not None and not region.contains(cell):
-            return (
-                f'cell {list(cell)} lies outside the region of {region.cols} x {region.rows} cells'
-            )
+        problem = region.problem_with(cell) if region else None
+        if problem:
+            return problem
     for (col_a, row_a), (col_b, row_b) in pairwise(path):
         if abs(col_a - col_b) + abs(row_a - row_b) != 1:
             return (

@@ -4,6 +4,8 @@ import math
 from fractions import Fraction
 
 import hypothesis.strategies as st
+import msgspec
+import numpy as np
 import pytest
 from hypothesis import given
 
@@ -14,14 +16,24 @@ from msgs_json.geometry import (
     GridSpec,
     Point,
     is_before,
+    mask_problems,
     path_length_m,
     path_problem,
     surface_deadline_s,
+    unreachable_cells,
     whole_ticks,
     within_range,
 )
 
 REGION = GridSpec(cols=4, rows=3, cell_m=10.0)
+BAY = GridSpec(cols=4, rows=3, cell_m=10.0, masked=((1, 1), (3, 0), (2, 0)))
+"""
+In the terminal view, north up::
+
+    . . . .
+    . # . .
+    . . # #
+"""
 
 coordinates_m = st.floats(-1e4, 1e4)
 points = st.builds(Point, east_m=coordinates_m, north_m=coordinates_m)
@@ -152,6 +164,118 @@ def test_on_the_way_to_a_neighbour_a_point_lies_toward_it(
     between = region.centre(cell).toward(region.centre(neighbour), share * region.cell_m)
     expected = neighbour if region.contains(neighbour) else None
     assert region.neighbour_toward(cell, between, region.neighbours(cell)) == expected
+
+
+# --- masked cells --------------------------------------------------------------------------------
+
+grids = st.builds(
+    GridSpec,
+    cols=st.integers(1, 5),
+    rows=st.integers(1, 5),
+    cell_m=st.just(1.0),
+    masked=st.lists(st.tuples(st.integers(0, 6), st.integers(0, 6)), max_size=20).map(tuple),
+)
+"""Some cells are masked, some of them twice or beside the grid."""
+
+
+def test_masked_cells_are_no_cells_of_the_region() -> None:
+    assert BAY.cells_total == 9
+    assert BAY.cells == (
+        *((0, 0), (1, 0)),
+        *((0, 1), (2, 1), (3, 1)),
+        *((0, 2), (1, 2), (2, 2), (3, 2)),
+    )
+    assert not BAY.contains((1, 1))
+    assert BAY.is_on_grid((1, 1))
+    assert BAY.neighbours((0, 1)) == ((0, 2), (0, 0))
+    assert BAY.neighbours((1, 2)) == ((2, 2), (0, 2))
+
+
+def test_a_point_over_land_is_in_its_masked_cell() -> None:
+    assert BAY.cell_at(Point(east_m=15.0, north_m=15.0)) == (1, 1)
+
+
+@given(grids)
+def test_all_ways_to_look_at_a_mask_agree(region: GridSpec) -> None:
+    everything = [(col, row) for row in range(region.rows) for col in range(region.cols)]
+    inside = [cell for cell in everything if cell not in region.masked]
+    assert list(region.cells) == inside == [cell for cell in everything if region.contains(cell)]
+    assert region.cells_total == len(inside)
+    assert region.mask.shape == (region.rows, region.cols)
+    assert inside == [cell for cell in everything if not region.mask[region.index(cell)]]
+    assert inside == [cell for cell in everything if region.problem_with(cell) is None]
+
+
+def test_nobody_can_change_a_mask() -> None:
+    with pytest.raises(ValueError, match='read-only'):
+        BAY.mask[0, 0] = True
+
+
+def test_a_region_with_a_mask_is_a_value() -> None:
+    again = msgspec.json.decode(msgspec.json.encode(BAY), type=GridSpec)
+    assert again == BAY
+    assert hash(again) == hash(BAY)
+    assert again.cells == BAY.cells
+    assert msgspec.structs.replace(BAY, masked=()) == REGION
+    assert msgspec.structs.replace(BAY, masked=()).cells_total == 12  # nothing kept of the other
+
+
+def test_masked_cells_that_are_none_are_told() -> None:
+    assert list(mask_problems(BAY)) == []
+    region = msgspec.structs.replace(BAY, masked=((1, 1), (4, 0), (1, 1), (0, 3)))
+    assert list(mask_problems(region)) == [
+        (1, 'cell [4, 0] lies outside the grid of 4 x 3 cells'),
+        (2, 'cell [1, 1] is masked twice'),
+        (3, 'cell [0, 3] lies outside the grid of 4 x 3 cells'),
+    ]
+
+
+def test_moves_go_around_what_is_masked() -> None:
+    assert BAY.moves_from([(1, 0)])[2, 1] == 6
+    assert REGION.moves_from([(1, 0)])[2, 1] == 2
+    assert BAY.moves_from([(1, 0), (3, 2)])[2, 1] == 2  # from the nearest
+    assert BAY.moves_from([]) == {}
+
+
+@given(grids, st.data())
+def test_moves_from_a_cell_are_those_of_the_shortest_path(
+    region: GridSpec, data: st.DataObject
+) -> None:
+    sources = data.draw(st.lists(st.sampled_from(region.cells or ((0, 0),)), max_size=3))
+    sources = [cell for cell in sources if region.contains(cell)]
+    # As it is written: no cell is nearer than one more than its nearest neighbour, to the end.
+    moves = np.full((region.rows, region.cols), np.inf)
+    for cell in sources:
+        moves[region.index(cell)] = 0.0
+    for _ in region.cells:
+        for cell in region.cells:
+            for beside in region.neighbours(cell):
+                farther = moves[region.index(beside)] + 1
+                moves[region.index(cell)] = min(moves[region.index(cell)], farther)
+    found = region.moves_from(sources)
+    for cell in region.cells:
+        assert found.get(cell, np.inf) == moves[region.index(cell)]
+    reached = {cell for cell in region.cells if np.isfinite(moves[region.index(cell)])}
+    assert unreachable_cells(region, sources) == tuple(
+        cell for cell in region.cells if cell not in reached
+    )
+
+
+def test_cells_behind_land_are_unreachable_row_by_row() -> None:
+    region = GridSpec(cols=4, rows=2, cell_m=1.0, masked=((1, 0), (1, 1)))
+    assert unreachable_cells(region, [(0, 1)]) == ((2, 0), (3, 0), (2, 1), (3, 1))
+    assert unreachable_cells(region, [(0, 1), (3, 1)]) == ()
+
+
+def test_a_path_through_land_is_told_from_one_that_leaves() -> None:
+    assert path_problem([(0, 1), (1, 1)], BAY) == 'cell [1, 1] is masked (land, no-go)'
+    assert path_problem([(3, 1), (4, 1)], BAY) == (
+        'cell [4, 1] lies outside the region of 4 x 3 cells'
+    )
+    assert path_problem([(0, 1), (0, 0)], BAY) is None
+
+
+# --- paths ---------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(

@@ -8,7 +8,7 @@ from auv_sim.auv_agent import AuvAgent, AuvMission
 from auv_sim.survey_field import make_field
 from msgs_json.agent_shell import AgentShell
 from msgs_json.drivers import AuvDriverSetup, DriverPorts, find_driver
-from msgs_json.geometry import Cell, GridSpec, path_problem
+from msgs_json.geometry import Cell, GridSpec, mask_problems, path_problem
 from msgs_json.params import Params, param
 from msgs_json.randomness import agent_rng
 
@@ -27,6 +27,10 @@ class AuvParams(Params, frozen=True):
     cols: Annotated[int, param('cells of the region from west to east', ge=1, le=1000)] = 10
     rows: Annotated[int, param('cells of the region from south to north', ge=1, le=1000)] = 10
     cell_m: Annotated[float, param('cell width', unit='m', ge=0.1, le=1e5)] = 10.0
+    masked: Annotated[
+        tuple[int, ...],
+        param('cells that are not part of the region (land, no-go): col, row, col, row, ...'),
+    ] = ()
     initial_path: Annotated[
         tuple[int, ...], param('cells swum on deployment: col, row, col, row, ...')
     ] = (3, 7, 4, 7)
@@ -52,8 +56,8 @@ def make_auv(params: AuvParams, ports: DriverPorts) -> AgentShell:
         A parameter is not usable; the text names it.
 
     """
-    region = GridSpec(cols=params.cols, rows=params.rows, cell_m=params.cell_m)
-    path = _cells(params.initial_path, region)
+    region = _region(params)
+    path = _initial_path(params, region)
     setup = AuvDriverSetup(
         name=params.name,
         start=region.centre(path[0]),
@@ -75,13 +79,30 @@ def make_auv(params: AuvParams, ports: DriverPorts) -> AgentShell:
     return AgentShell(AuvAgent(params.name, mission, driver, make_field(params.field, region)))
 
 
-def _cells(flat: tuple[int, ...], region: GridSpec) -> tuple[Cell, ...]:
-    cells = tuple(zip(flat[::2], flat[1::2], strict=False))
-    if len(flat) % 2 or len(cells) < 2:
+def _region(params: AuvParams) -> GridSpec:
+    masked = _cells(params.masked)
+    if masked is None:
+        raise ValueError(
+            f'parameter masked is {params.masked}; it must hold col, row of each cell'
+        )
+    region = GridSpec(cols=params.cols, rows=params.rows, cell_m=params.cell_m, masked=masked)
+    for _, problem in mask_problems(region):
+        raise ValueError(f'parameter masked: {problem}')
+    return region
+
+
+def _initial_path(params: AuvParams, region: GridSpec) -> tuple[Cell, ...]:
+    flat, path = params.initial_path, _cells(params.initial_path)
+    if path is None or len(path) < 2:
         raise ValueError(
             f'parameter initial_path is {flat}; it must hold col, row of at least 2 cells'
         )
-    problem = path_problem(cells, region)
+    problem = path_problem(path, region)
     if problem:
         raise ValueError(f'parameter initial_path is {flat}: {problem}')
-    return cells
+    return path
+
+
+def _cells(flat: tuple[int, ...]) -> tuple[Cell, ...] | None:
+    """Return the cells of a list of col, row, col, row, ...; None if the last has no row."""
+    return None if len(flat) % 2 else tuple(zip(flat[::2], flat[1::2], strict=True))

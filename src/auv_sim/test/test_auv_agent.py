@@ -38,7 +38,7 @@ from msgs_json.messages import (
 from msgs_json.ros_messages import Odometry, TrackPath
 from msgs_json.topics import ODOM, PATH
 
-REGION = GridSpec(cols=4, rows=3, cell_m=10.0)
+REGION = GridSpec(cols=4, rows=3, cell_m=10.0, masked=((3, 2),))
 CUSTODY = Acknowledged.SURFACING_REPORT
 
 
@@ -416,8 +416,13 @@ def test_an_assignment_before_the_first_tick_is_refused() -> None:
 
 @pytest.mark.parametrize(
     'path',
-    [((0, 0), (0, 1)), ((2, 0), (3, 0)), ((1, 0), (1, 1), (1, 2), (1, 3))],
-    ids=['from_elsewhere', 'from_ahead', 'out_of_the_region'],
+    [
+        ((0, 0), (0, 1)),
+        ((2, 0), (3, 0)),
+        ((1, 0), (1, 1), (1, 2), (1, 3)),
+        ((1, 0), (1, 1), (1, 2), (2, 2), (3, 2)),
+    ],
+    ids=['from_elsewhere', 'from_ahead', 'out_of_the_region', 'through_land'],
 )
 def test_a_leg_that_cannot_be_is_refused_and_the_auv_stays_up(path: tuple[Cell, ...]) -> None:
     bench = Bench()

@@ -199,9 +199,9 @@ class C3Agent:
         if unknown:
             return f'it names {", ".join(sorted(unknown))}, not in this mission'
         for item in report.samples:
-            if not self._scenario.region.contains(item.sample.cell):
-                cell = list(item.sample.cell)
-                return f'a sample of {item.auv} is from cell {cell}, outside the region'
+            problem = self._scenario.region.problem_with(item.sample.cell)
+            if problem:
+                return f'a sample of {item.auv}: {problem}'
         return None
 
     def _store(self, relayed: tuple[RelayedSample, ...]) -> list[Sample]:

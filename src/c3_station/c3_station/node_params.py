@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
 import msgspec
@@ -13,6 +13,7 @@ from auv_sim.surfacing import Silent, surfacing_model
 from auv_sim.world_params import WorldParams
 from c3_station.c3_params import C3Params
 from c3_station.scenario import Scenario
+from msgs_json.geometry import Cell
 from uav_planner.uav_params import UavParams
 
 C3 = 'c3'
@@ -70,7 +71,8 @@ def mission_params(scenario: Scenario) -> MissionParams:
                 cols=region.cols,
                 rows=region.rows,
                 cell_m=region.cell_m,
-                initial_path=tuple(index for cell in auv.initial_path for index in cell),
+                masked=_flat(region.masked),
+                initial_path=_flat(auv.initial_path),
                 surface_margin_s=scenario.sortie.surface_margin_s,
                 tick_s=scenario.tick_s,
                 seed=scenario.seed,
@@ -90,6 +92,11 @@ def _radio_outages(scenario: Scenario) -> Iterator[RadioOutage]:
         if isinstance(model, Silent):
             until_s = model.from_s + model.sorties * scenario.sortie.limit_s
             yield RadioOutage(station=auv.name, from_s=model.from_s, until_s=until_s)
+
+
+def _flat(cells: Iterable[Cell]) -> tuple[int, ...]:
+    """Return cells as a list parameter holds them: col, row, col, row, ..."""
+    return tuple(index for cell in cells for index in cell)
 
 
 def _json(value: object) -> str:

@@ -1,8 +1,10 @@
 from __future__ import annotations
 
 import itertools
+from typing import TYPE_CHECKING
 
 import hypothesis.strategies as st
+import msgspec
 import numpy as np
 import pytest
 from hypothesis import given
@@ -18,7 +20,21 @@ from uav_planner.candidate_paths import (
     walk_table,
 )
 
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
 GRID = GridSpec(cols=5, rows=4, cell_m=10.0)
+
+starts = st.tuples(st.integers(0, 4), st.integers(0, 3))
+masks = st.lists(starts, max_size=6)
+"""More often than not there is land; never where the walks begin."""
+
+
+def map_of(
+    halvings: list[int], masked: list[Cell], start: Cell
+) -> tuple[NDArray[np.float64], GridSpec]:
+    region = msgspec.structs.replace(GRID, masked=tuple(cell for cell in masked if cell != start))
+    return np.where(region.mask, 0.0, 0.5 ** np.array(halvings).reshape(4, 5)), region
 
 
 def test_documented_order_is_east_north_west_south_first_move_fastest() -> None:
@@ -82,19 +98,20 @@ def test_coming_back_counts_half_and_every_turn_costs() -> None:
 
 @given(
     halvings=st.lists(st.integers(0, 6), min_size=20, max_size=20),
-    start=st.tuples(st.integers(0, 4), st.integers(0, 3)),
+    masked=masks,
+    start=starts,
     moves=st.integers(1, 4),
     tie_order=st.sampled_from(every_tie_order()),
 )
 def test_scores_are_those_of_entering_cell_by_cell(
-    halvings: list[int], start: Cell, moves: int, tie_order: TieOrder
+    halvings: list[int], masked: list[Cell], start: Cell, moves: int, tie_order: TieOrder
 ) -> None:
-    values = 0.5 ** np.array(halvings).reshape(4, 5)
+    values, region = map_of(halvings, masked, start)
     table = walk_table(moves, tie_order)
     scores = table.scores(values, start)
     for walk in range(4**moves):
         path = table.path(walk, start)
-        if not all(GRID.contains(cell) for cell in path):
+        if not all(region.contains(cell) for cell in path):
             assert scores[walk] == -np.inf
             continue
         left = values.copy()
@@ -111,20 +128,21 @@ def test_scores_are_those_of_entering_cell_by_cell(
 
 @given(
     halvings=st.lists(st.integers(0, 2), min_size=20, max_size=20),
-    start=st.tuples(st.integers(0, 4), st.integers(0, 3)),
+    masked=masks,
+    start=starts,
     moves=st.integers(1, 4),
 )
 def test_what_a_walk_finds_and_where_it_ends_is_what_its_path_says(
-    halvings: list[int], start: Cell, moves: int
+    halvings: list[int], masked: list[Cell], start: Cell, moves: int
 ) -> None:
-    values = 0.5 ** np.array(halvings).reshape(4, 5)
+    values, region = map_of(halvings, masked, start)
     values[GRID.index(start)] /= 2
     table = walk_table(moves, DOCUMENTED_TIE_ORDER)
     finds_new, ends = table.finds_new(values, start), table.at_ends(values, start)
     for walk in range(4**moves):
         entered = table.path(walk, start)[1:]
-        inside = [cell for cell in entered if GRID.contains(cell)]
-        assert finds_new[walk] == any(values[GRID.index(cell)] == 1.0 for cell in inside)
+        if all(region.contains(cell) for cell in entered):
+            assert finds_new[walk] == any(values[GRID.index(cell)] == 1.0 for cell in entered)
         is_inside = GRID.contains(entered[-1])
         assert ends[walk] == (values[GRID.index(entered[-1])] if is_inside else -np.inf)
 
@@ -157,6 +175,14 @@ def test_greedy_cell_is_the_first_of_the_best_neighbours() -> None:
     assert greedy_cell(values, GRID, (2, 2), DOCUMENTED_TIE_ORDER) == (3, 2)
     values[2, 3] = 0.5
     assert greedy_cell(values, GRID, (2, 2), DOCUMENTED_TIE_ORDER) == (2, 3)
+
+
+def test_the_greedy_cell_is_never_land() -> None:
+    island = GridSpec(cols=3, rows=3, cell_m=10.0, masked=((2, 1), (1, 2), (0, 1)))
+    values = np.where(island.mask, 0.0, 1.0)
+    assert greedy_cell(values, island, (1, 1), DOCUMENTED_TIE_ORDER) == (1, 0)
+    with pytest.raises(ValueError, match=r'cell \[2, 2\] has no neighbour in the region'):
+        greedy_cell(values, island, (2, 2), DOCUMENTED_TIE_ORDER)
 
 
 def test_a_single_cell_has_no_greedy_neighbour() -> None:

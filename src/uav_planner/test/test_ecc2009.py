@@ -3,6 +3,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import hypothesis.strategies as st
+import msgspec
 import numpy as np
 import pytest
 from hypothesis import given
@@ -137,6 +138,7 @@ def requests(draw: st.DrawFn, path_cells: int = 4) -> PlanRequest:
     """Any state in the middle of a sortie; the limit is such that it binds more or less."""
     cols, rows = draw(st.integers(2, 7)), draw(st.integers(1, 7))
     grid = GridSpec(cols=cols, rows=rows, cell_m=draw(st.sampled_from([7.5, 10.0, 20.0])))
+    used: set[Cell] = set()
     cells = st.tuples(st.integers(0, cols - 1), st.integers(0, rows - 1))
     moves = st.text('enws', max_size=6)
     auvs = [f'auv_{number}' for number in range(1, draw(st.integers(1, 4)) + 1)]
@@ -146,6 +148,13 @@ def requests(draw: st.DrawFn, path_cells: int = 4) -> PlanRequest:
         inside = tuple(cell for cell in path if grid.contains(cell))
         prospect = draw(st.sampled_from(Prospect))
         legs.append(SurveyLeg(auv=auv, path=inside, surface_deadline_s=0.0, prospect=prospect))
+        used.update(inside)
+    cell = draw(cells)
+    used.add(cell)
+    # Land is where no AUV is; it leaves each of them a way out.
+    used |= {(col + 1 if col + 1 < cols else col - 1, row) for col, row in used}
+    masked = draw(st.lists(cells.filter(lambda each: each not in used), max_size=8))
+    grid = msgspec.structs.replace(grid, masked=tuple(masked))
     turn = draw(st.integers(0, len(auvs) - 1))
     halvings = draw(st.lists(st.integers(0, 5), min_size=cols * rows, max_size=cols * rows))
     longest = draw(st.integers(1, path_cells))
@@ -160,9 +169,9 @@ def requests(draw: st.DrawFn, path_cells: int = 4) -> PlanRequest:
             path_cells=longest,
             min_path_cells=draw(st.integers(1, longest)),
         ),
-        values=0.5 ** np.array(halvings).reshape(rows, cols),
+        values=np.where(grid.mask, 0.0, 0.5 ** np.array(halvings).reshape(rows, cols)),
         auv=auvs[turn],
-        cell=draw(cells),
+        cell=cell,
         legs=tuple(legs),
         now_s=0.0,
     )
@@ -190,7 +199,7 @@ def test_near_ties_are_broken_as_by_the_loop_over_all_paths(
     cells = request.values.size
     parts = data.draw(st.lists(st.integers(0, 8), min_size=cells, max_size=cells))
     values = 1.0 - 0.4e-9 * np.array(parts).reshape(request.values.shape)
-    near = replace(request, values=values)
+    near = replace(request, values=np.where(request.mission.grid.mask, 0.0, values))
     plan = Ecc2009Planner(tie_order=tie_order).plan_path(near)
     assert plan == plan_path_by_enumeration(near, tie_order)
 
@@ -300,7 +309,7 @@ def test_a_request_that_does_not_fit_together_is_refused() -> None:
     planner = Ecc2009Planner()
     with pytest.raises(ValueError, match=r"auv_7 has no leg among those of \['auv_1'"):
         planner.plan_path(replace(request, auv='auv_7'))
-    with pytest.raises(ValueError, match=r'cell \[10, 0\] of auv_1 is outside'):
+    with pytest.raises(ValueError, match=r'auv_1: cell \[10, 0\] lies outside'):
         planner.plan_path(replace(request, cell=(10, 0)))
     one_cell = replace(REFERENCE, grid=GridSpec(cols=1, rows=1, cell_m=10.0))
     with pytest.raises(ValueError, match=r'no path of 1 moves from cell \[0, 0\]'):

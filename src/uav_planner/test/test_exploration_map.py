@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 
 from msgs_json.geometry import Cell, GridSpec
-from uav_planner.exploration_map import ExplorationMap
+from uav_planner.exploration_map import HALVINGS_MAX, ExplorationMap
 
 GRID = GridSpec(cols=4, rows=3, cell_m=10.0)
 
@@ -53,7 +53,7 @@ def test_values_are_a_live_view_that_planners_cannot_write() -> None:
 @pytest.mark.parametrize('cell', [(-1, 0), (4, 0), (0, 3), (0, -1)])
 def test_cells_outside_the_region_are_refused(cell: Cell) -> None:
     exploration = ExplorationMap(GRID, [(0, 0)])
-    message = r'cell \[.*\] is outside the region of 4 columns and 3 rows'
+    message = r'cell \[.*\] lies outside the region of 4 x 3 cells'
     with pytest.raises(ValueError, match=message):
         ExplorationMap(GRID, [cell])
     with pytest.raises(ValueError, match=message):
@@ -62,6 +62,32 @@ def test_cells_outside_the_region_are_refused(cell: Cell) -> None:
         exploration.restore([cell])
     with pytest.raises(ValueError, match=message):
         exploration.confirm([cell])
+
+
+def test_masked_cells_are_worth_nothing_and_nobody_has_to_go_there() -> None:
+    grid = GridSpec(cols=3, rows=2, cell_m=10.0, masked=((1, 0), (2, 1)))
+    exploration = ExplorationMap(grid, [(0, 0)])
+    np.testing.assert_array_equal(exploration.values, [[0.5, 0.0, 1.0], [1.0, 1.0, 0.0]])
+    exploration.assign([(0, 0), (0, 1), (1, 1)])
+    exploration.confirm([(0, 1), (1, 1)])
+    assert not exploration.is_explored  # (2, 0) is behind land, but a cell of the region
+    exploration.assign([(1, 1), (2, 0)])
+    exploration.confirm([(2, 0)])
+    assert exploration.is_explored
+    with pytest.raises(ValueError, match=r'cell \[1, 0\] is masked'):
+        exploration.assign([(0, 0), (1, 0)])
+    with pytest.raises(ValueError, match=r'cell \[2, 1\] is masked'):
+        exploration.confirm([(2, 1)])
+    np.testing.assert_array_equal(exploration.values == 0.0, grid.mask)
+
+
+def test_a_cell_entered_over_and_over_is_never_taken_for_land() -> None:
+    exploration = ExplorationMap(GRID, [(0, 0)])
+    to_and_fro = [(0, 0), (1, 0)] * (2 * HALVINGS_MAX)
+    exploration.assign(to_and_fro)
+    assert value_at(exploration, (0, 0)) > 0.0
+    exploration.restore(to_and_fro[1:])
+    assert value_at(exploration, (0, 0)) == 0.5
 
 
 def test_what_was_not_assigned_can_be_neither_restored_nor_confirmed() -> None:

@@ -7,6 +7,7 @@ import math
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
+import msgspec
 import numpy as np
 import pytest
 from hypothesis import given
@@ -312,14 +313,21 @@ def test_robust_chooses_as_a_comparison_of_all_paths_would(
     meeting: PlanRequest, limits_s: list[float], data: st.DataObject
 ) -> None:
     grid, moves = meeting.mission.grid, meeting.mission.path_cells
+    sailed = {cell for leg in meeting.legs for cell in leg.track}
+    land = data.draw(
+        st.lists(st.sampled_from([cell for cell in grid.cells if cell not in sailed]), max_size=20)
+        if data.draw(st.booleans())
+        else st.just([])
+    )
+    grid = msgspec.structs.replace(grid, masked=tuple(land))
     visits = arrays(np.float64, (grid.rows, grid.cols), elements=st.integers(0, 3))
-    values = np.exp2(-data.draw(visits))
+    values = np.where(grid.mask, 0.0, np.exp2(-data.draw(visits)))
     # It was entered, but not so often that the AUV might have to make room.
     values[grid.index(meeting.cell)] = min(values[grid.index(meeting.cell)], 0.5)
     limit_s = data.draw(st.sampled_from(limits_s))
     tie_order = data.draw(st.sampled_from(every_tie_order()))
     request = replace(
-        meeting, mission=replace(meeting.mission, sortie_limit_s=limit_s), values=values
+        meeting, mission=replace(meeting.mission, grid=grid, sortie_limit_s=limit_s), values=values
     )
     guaranteed = GuaranteedPaths(request)
     new_cells = [(col, row) for row, col in np.argwhere(values == 1.0).tolist()]
@@ -331,11 +339,15 @@ def test_robust_chooses_as_a_comparison_of_all_paths_would(
         steps = [(b[0] - a[0], b[1] - a[1]) for a, b in itertools.pairwise(path)]
         total -= 0.05 * sum(a != b for a, b in itertools.pairwise(steps))
         total -= 3.0 * guaranteed.offer(path).round_ticks / limit_s
-        return total - 0.2 * moves_left(path[-1])
+        return total - (0.2 * moves_left(path[-1]) if moves_left(path[-1]) < math.inf else 0.0)
 
-    def moves_left(cell: Cell) -> int:
-        ways = [abs(cell[0] - new[0]) + abs(cell[1] - new[1]) for new in new_cells]
-        return min(ways, default=0)
+    def moves_left(cell: Cell) -> float:
+        if not land:
+            ways = [abs(cell[0] - new[0]) + abs(cell[1] - new[1]) for new in new_cells]
+        else:
+            moves_from_here = grid.moves_from([cell])
+            ways = [moves_from_here[new] for new in new_cells if new in moves_from_here]
+        return min(ways, default=math.inf)
 
     def gets_on(path: Path) -> bool:
         finds_new = any(cell in new_cells for cell in path[1:])

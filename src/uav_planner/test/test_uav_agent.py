@@ -90,8 +90,19 @@ def test_a_repeated_order_is_acknowledged_and_nothing_else() -> None:
         {'auvs': (auv_order('auv_1', ((5, 0), (6, 0))),)},
         {'region': GridSpec(cols=1, rows=1, cell_m=10.0)},
         {'min_path_cells': 2},
+        {'region': msgspec.structs.replace(REGION, masked=((99, 99),))},
+        {'region': msgspec.structs.replace(REGION, masked=(PATHS['auv_1'][1],))},
+        {'region': msgspec.structs.replace(REGION, masked=((0, 0), (1, 1)))},
     ],
-    ids=['same_name', 'path_out_of_the_region', 'tiny_region', 'min_over_max'],
+    ids=[
+        'same_name',
+        'path_out_of_the_region',
+        'tiny_region',
+        'min_over_max',
+        'land_beside_the_grid',
+        'path_through_land',
+        'corner_cut_off',
+    ],
 )
 def test_an_order_that_is_no_mission_is_refused_and_a_good_one_still_taken(
     changes: dict[str, object],

@@ -140,14 +140,15 @@ class WalkTable:
         Parameters
         ----------
         values
-            Exploration map, shape (rows, cols), `[row, col]`.
+            Exploration map, shape (rows, cols), `[row, col]`; 0 where a cell is masked.
         start
             `P_0`.
 
         Returns
         -------
         NDArray[np.float64]
-            Shape (walks,); minus infinity where a walk leaves the region.
+            Shape (walks,); minus infinity where a walk leaves the region, as one through a masked
+            cell does.
 
         """
         scores: NDArray[np.float64] = self._windows(values, start)[self.value_indices].sum(axis=0)
@@ -155,7 +156,11 @@ class WalkTable:
         return scores
 
     def finds_new(self, values: NDArray[np.float64], start: Cell) -> NDArray[np.bool_]:
-        """Return of every walk whether it enters an unexplored cell: shape (walks,)."""
+        """
+        Return of every walk whether it enters an unexplored cell: shape (walks,).
+
+        Of those that leave the region it says nothing.
+        """
         # Only the first window can hold a 1: where a walk comes back nothing is new.
         entered = self._windows(values, start)[self.value_indices]
         found: NDArray[np.bool_] = (entered == 1.0).any(axis=0)
@@ -170,7 +175,9 @@ class WalkTable:
     def _windows(self, values: NDArray[np.float64], start: Cell) -> NDArray[np.float64]:
         """Return the values around a cell, minus infinity outside; whole, halved, and so on."""
         halvings = 0.5 ** np.arange(self.moves + 1).reshape(-1, 1, 1)
-        windows: NDArray[np.float64] = halvings * self._window(values, start)
+        window = self._window(values, start)
+        window[window == 0.0] = -np.inf  # masked
+        windows: NDArray[np.float64] = halvings * window
         return windows.ravel()
 
     def _window(self, cells: NDArray[np.float64], start: Cell) -> NDArray[np.float64]:
@@ -251,7 +258,7 @@ def greedy_cell(
     Raises
     ------
     ValueError
-        The region is a single cell, which has no neighbour.
+        The region has no cell beside this one.
 
     """
     best: Cell | None = None
@@ -264,5 +271,5 @@ def greedy_cell(
             if best is None or value > best_value + TIE_MARGIN:
                 best, best_value = neighbour, value
     if best is None:
-        raise ValueError(f'cell {list(cell)} has no neighbour in a region of one cell')
+        raise ValueError(f'cell {list(cell)} has no neighbour in the region')
     return best

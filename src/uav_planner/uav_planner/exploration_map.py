@@ -15,6 +15,9 @@ if TYPE_CHECKING:
 
     from msgs_json.geometry import Cell, GridSpec
 
+HALVINGS_MAX = 1000
+"""A value is halved no further: soon after it would be 0, which stands for a masked cell."""
+
 
 class ExplorationMap:
     """
@@ -24,7 +27,7 @@ class ExplorationMap:
     taken back where the report says that the cell was not reached. The map counts entries and
     derives each value from its count: a value is always ``2 ** -entries``, whatever the order of
     calls, and a confirmed cell has at least one entry. A call that would break this is refused
-    as a whole and changes nothing.
+    as a whole and changes nothing. A masked cell is worth 0 for ever.
 
     Parameters
     ----------
@@ -36,15 +39,15 @@ class ExplorationMap:
     Raises
     ------
     ValueError
-        Here and in every method: a cell lies outside the region.
+        Here and in every method: a cell lies outside the region, or is masked.
 
     """
 
     def __init__(self, grid: GridSpec, start_cells: Iterable[Cell]) -> None:
         self._grid = grid
         self._entries = np.zeros((grid.rows, grid.cols), dtype=np.int64)
-        self._confirmed = np.zeros((grid.rows, grid.cols), dtype=np.bool_)
-        self._values = np.ones((grid.rows, grid.cols))
+        self._confirmed = grid.mask.copy()  # where there is nothing to visit nothing is missing
+        self._values = np.where(grid.mask, 0.0, 1.0)
         self._values_view = self._values.view()
         self._values_view.flags.writeable = False
         starts = list(start_cells)
@@ -53,12 +56,16 @@ class ExplorationMap:
 
     @property
     def values(self) -> NDArray[np.float64]:
-        """Return a live, read-only view of the values, shape (rows, cols), ``[row, col]``."""
+        """
+        Return a live, read-only view of the values, shape (rows, cols), ``[row, col]``.
+
+        In (0, 1]; 0 where a cell is masked.
+        """
         return self._values_view
 
     @property
     def is_explored(self) -> bool:
-        """Return whether every cell is confirmed as really visited."""
+        """Return whether every cell of the region is confirmed as really visited."""
         return bool(self._confirmed.all())
 
     def assign(self, path: Sequence[Cell]) -> None:
@@ -106,13 +113,11 @@ class ExplorationMap:
                 raise ValueError(f'cell {list(cell)} has no assigned entry left to take back')
         for index, entries in changed.items():
             self._entries[index] = entries
-            self._values[index] = math.ldexp(1.0, -entries)
+            self._values[index] = math.ldexp(1.0, -min(entries, HALVINGS_MAX))
 
     def _index(self, cell: Cell) -> tuple[int, int]:
         """Return the array index of a cell of the region (numpy would wrap a negative one)."""
-        if not self._grid.contains(cell):
-            raise ValueError(
-                f'cell {list(cell)} is outside the region of '
-                f'{self._grid.cols} columns and {self._grid.rows} rows'
-            )
+        problem = self._grid.problem_with(cell)
+        if problem:
+            raise ValueError(problem)
         return self._grid.index(cell)

@@ -138,7 +138,7 @@ def meeting_request(
     cell, behind = place
     return PlanRequest(
         mission=mission,
-        values=np.ones((mission.grid.rows, mission.grid.cols)),
+        values=np.where(mission.grid.mask, 0.0, 1.0),
         auv=auv,
         cell=cell,
         behind=behind,
@@ -269,7 +269,7 @@ class Game:
     def _all_ways(self) -> list[Way]:
         grid = self.mission.grid
         ways: list[Way] = []
-        for cell in itertools.product(range(grid.cols), range(grid.rows)):
+        for cell in grid.cells:
             for path in paths_from(self.mission, cell):
                 ways += [(path, behind) for behind in (None, *grid.neighbours(cell))]
         return ways
@@ -289,7 +289,7 @@ def _searches(mission: MissionSpec, way: Way) -> frozenset[tuple[Point, ...]]:
 @functools.cache
 def _origins(mission: MissionSpec) -> tuple[Point, ...]:
     """Return where searches are laid from: C3, every cell, and where a cell is first heard."""
-    cells = list(itertools.product(range(mission.grid.cols), range(mission.grid.rows)))
+    cells = mission.grid.cells
     origins = [mission.c3, *(mission.grid.centre(cell) for cell in cells)]
     heard_from = [lay_search(mission, origin, (cell,)) for origin in origins for cell in cells]
     return tuple(dict.fromkeys([*origins, *(search[0] for search in heard_from)]))

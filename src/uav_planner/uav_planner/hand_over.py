@@ -81,6 +81,7 @@ def problem_with_report(report: SurfacingReport, leg: Leg, region: GridSpec) -> 
             f' is {list(report.cell)}'
         )
     for sample in report.samples:
-        if not region.contains(sample.cell):
-            return f'sample {sample.number} is from cell {list(sample.cell)}, outside the region'
+        problem = region.problem_with(sample.cell)
+        if problem:
+            return f'sample {sample.number}: {problem}'
     return None

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from msgs_json.geometry import path_problem
+from msgs_json.geometry import mask_problems, path_problem, unreachable_cells
 from uav_planner.planning import MissionSpec
 
 if TYPE_CHECKING:
@@ -37,10 +37,16 @@ def problem_with_order(order: MissionOrder, setup: UavSetup) -> str | None:
         return f'AUVs must have different names, are {", ".join(names)}'
     if order.min_path_cells > order.path_cells:
         return f'min_path_cells is {order.min_path_cells}, path_cells {order.path_cells}'
+    for _, mask_problem in mask_problems(order.region):
+        return mask_problem
     for auv in order.auvs:
         problem = path_problem(auv.leg.path, order.region)
         if problem:
             return f'path of {auv.name}: {problem}'
+    out_of_reach = unreachable_cells(order.region, (auv.leg.path[0] for auv in order.auvs))
+    if out_of_reach:
+        cells = ', '.join(str(list(cell)) for cell in out_of_reach)
+        return f'no AUV can reach {cells} of the region from where it starts'
     return None
 
 

@@ -100,7 +100,7 @@ class PlanRequest:
 
     mission: MissionSpec
     values: NDArray[np.float64]
-    """Exploration map, shape (rows, cols), `[row, col]`, in (0, 1], read-only [V(C), M]."""
+    """Exploration map, shape (rows, cols), `[row, col]`, (0, 1], 0 if masked, read-only [V(C)]."""
     auv: str
     """The AUV that was met."""
     cell: Cell

@@ -192,8 +192,9 @@ def _turn(request: PlanRequest) -> int:
     auvs = [leg.auv for leg in request.legs]
     if request.auv not in auvs:
         raise ValueError(f'{request.auv} has no leg among those of {auvs}')
-    if not request.mission.grid.contains(request.cell):
-        raise ValueError(f'cell {list(request.cell)} of {request.auv} is outside the region')
+    problem = request.mission.grid.problem_with(request.cell)
+    if problem:
+        raise ValueError(f'{request.auv}: {problem}')
     return auvs.index(request.auv)
 
 

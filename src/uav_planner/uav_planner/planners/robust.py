@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from msgs_json.geometry import Cell
+    from msgs_json.geometry import Cell, GridSpec
     from uav_planner.candidate_paths import WalkTable
     from uav_planner.planning import MissionSpec, PlanRequest, SortiePlan, SortieRequest
 
@@ -120,16 +120,18 @@ def _best_path(
     fro for ever. Where nobody finds anything new, AUVs in two corners may keep each other from it:
     then the nearest one goes there, and the others make room, nearer to C3.
     """
-    moves_left = _moves_to_unexplored(request.values)
+    moves_left = _moves_to_unexplored(request.mission.grid, request.values)
+    moves_left_here = moves_left[request.mission.grid.index(request.cell)]
     at_ends = table.at_ends(moves_left, request.cell)
     scores = table.scores(request.values, request.cell)
     inside = scores > -np.inf
-    scores[inside] -= DISTANCE_COST * at_ends[inside]
+    if moves_left_here < np.inf:
+        scores[inside] -= DISTANCE_COST * at_ends[inside]
     best = _best_walk(request, table, guaranteed, scores)
     if best is None:
         return None
     finds_new = table.finds_new(request.values, request.cell)
-    gets_on = finds_new | (at_ends < moves_left[request.mission.grid.index(request.cell)])
+    gets_on = finds_new | (at_ends < moves_left_here)
     if not gets_on[best]:
         other = _best_walk(request, table, guaranteed, np.where(gets_on, scores, -np.inf))
         best = best if other is None else other
@@ -197,11 +199,18 @@ def _blocks(walks: NDArray[np.intp]) -> Iterator[NDArray[np.intp]]:
         first += size
 
 
-def _moves_to_unexplored(values: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return for every cell how many moves the nearest unexplored one is away; 0 if none is."""
+def _moves_to_unexplored(grid: GridSpec, values: NDArray[np.float64]) -> NDArray[np.float64]:
+    """
+    Return for every cell how many moves the nearest unexplored one is away.
+
+    Infinite where none can be reached, and for masked cells.
+    """
     moves = np.where(values == 1.0, 0.0, np.inf)
-    if moves.min() > 0.0:
-        return np.zeros(values.shape)
+    if grid.masked:
+        unexplored = np.argwhere(values == 1.0)[:, ::-1].tolist()
+        for cell, count in grid.moves_from(map(tuple, unexplored)).items():
+            moves[grid.index(cell)] = count
+        return moves
     for along in (moves, moves.T):  # views: along columns, then rows, in place
         places = np.arange(float(len(along))).reshape(-1, 1)
         from_before = np.minimum.accumulate(along - places) + places
