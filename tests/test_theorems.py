@@ -20,12 +20,13 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field, replace
 
 import hypothesis.strategies as st
+import msgspec
 import pytest
 from hypothesis import Phase, find, given, settings
 
 from msgs_json.agent import Log, Output, Publish, Refuse, Transmit
 from msgs_json.drivers import NoPorts, UavDriverSetup
-from msgs_json.geometry import Cell, GridSpec, Point
+from msgs_json.geometry import Cell, GridSpec, Point, unreachable_cells
 from msgs_json.messages import (
     Acknowledged,
     Acknowledgement,
@@ -459,12 +460,22 @@ def cases(
     )
     paths = draw(st.lists(walks(mission.grid), min_size=1, max_size=4))
     return Case(
-        mission=mission,
+        mission=replace(mission, grid=draw(with_land(mission.grid, paths))),
         paths=tuple(paths),
         deadline_ticks=tuple(draw(st.integers(0, 40)) for _ in paths),
         auv_speed_mps=mission.grid.cell_m / (mission.tick_s * draw(numbers(0.7, 6))),
         fates=tuple(tuple(draw(st.lists(fates, min_size=1, max_size=SORTIES + 1))) for _ in paths),
     )
+
+
+@st.composite
+def with_land(draw: st.DrawFn, grid: GridSpec, paths: list[tuple[Cell, ...]]) -> GridSpec:
+    """Return a grid with land where no path is, and wherever no AUV could ever come."""
+    free = sorted(set(grid.cells).difference(*paths))
+    land = draw(st.sets(st.sampled_from(free), max_size=len(free) // 2)) if free else set()
+    sea = msgspec.structs.replace(grid, masked=tuple(sorted(land)))
+    cut_off = unreachable_cells(sea, [path[0] for path in paths])
+    return msgspec.structs.replace(sea, masked=(*sea.masked, *cut_off))
 
 
 @st.composite

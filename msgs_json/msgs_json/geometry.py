@@ -184,17 +184,18 @@ def mask_problems(region: GridSpec) -> Iterator[tuple[int, str]]:
     seen: set[Cell] = set()
     for index, cell in enumerate(region.masked):
         if not region.is_on_grid(cell):
-            yield (
-                index,
-                f'cell {list(cell)} lies outside the grid of {region.cols} x {region.rows} cells',
-            )
+            allowed = f'columns 0 to {region.cols - 1}, rows 0 to {region.rows - 1}'
+            yield index, f'is {list(cell)}, outside the grid; allowed: {allowed}'
         elif cell in seen:
-            yield index, f'cell {list(cell)} is masked twice'
+            yield index, f'is {list(cell)}, which is masked already; allowed: each cell once'
         seen.add(cell)
 
 
 def unreachable_cells(region: GridSpec, starts: Iterable[Cell]) -> tuple[Cell, ...]:
     """Return the cells of a region to which no way leads from any of the starts, row by row."""
+    starts = list(starts)
+    if starts and not region.masked:
+        return ()
     reachable = region.moves_from(starts)
     return tuple(cell for cell in region.cells if cell not in reachable)
 

@@ -73,14 +73,14 @@ EXPLORATION_MAP = Topic(
     'nav_msgs/msg/OccupancyGrid',
     Qos.LATCHED,
     'c3',
-    'delivered cells 0, all others -1 (unknown)',
+    'delivered cells 0, masked ones 100 (occupied), all others -1 (unknown)',
 )
 MARKERS = Topic(
     'markers',
     'visualization_msgs/msg/MarkerArray',
     Qos.LATCHED,
     'c3',
-    'survey samples as coloured cells, and the station',
+    'survey samples as coloured cells, the station, masked cells',
 )
 MISSION_STATUS = Topic('mission_status', STRING, Qos.LATCHED, 'c3', 'MissionStatus')
 DIAGNOSTICS = Topic(

@@ -224,9 +224,9 @@ def test_masked_cells_that_are_none_are_told() -> None:
     assert list(mask_problems(BAY)) == []
     region = msgspec.structs.replace(BAY, masked=((1, 1), (4, 0), (1, 1), (0, 3)))
     assert list(mask_problems(region)) == [
-        (1, 'cell [4, 0] lies outside the grid of 4 x 3 cells'),
-        (2, 'cell [1, 1] is masked twice'),
-        (3, 'cell [0, 3] lies outside the grid of 4 x 3 cells'),
+        (1, 'is [4, 0], outside the grid; allowed: columns 0 to 3, rows 0 to 2'),
+        (2, 'is [1, 1], which is masked already; allowed: each cell once'),
+        (3, 'is [0, 3], outside the grid; allowed: columns 0 to 3, rows 0 to 2'),
     ]
 
 

@@ -86,8 +86,8 @@ def _region(params: AuvParams) -> GridSpec:
             f'parameter masked is {params.masked}; it must hold col, row of each cell'
         )
     region = GridSpec(cols=params.cols, rows=params.rows, cell_m=params.cell_m, masked=masked)
-    for _, problem in mask_problems(region):
-        raise ValueError(f'parameter masked: {problem}')
+    for index, problem in mask_problems(region):
+        raise ValueError(f'parameter masked, cell {index}, {problem}')
     return region
 
 

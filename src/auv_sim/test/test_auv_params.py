@@ -25,9 +25,9 @@ def test_a_path_beside_land_is_taken() -> None:
     ('changes', 'told'),
     [
         ({'masked': (1, 0, 2)}, 'parameter masked is (1, 0, 2); it must hold col, row of each'),
-        ({'masked': (1, 0, 3, 1)}, 'parameter masked: cell [3, 1] lies outside the grid of 3 x 2'),
-        ({'masked': (-1, 0)}, 'parameter masked: cell [-1, 0] lies outside the grid'),
-        ({'masked': (1, 0, 1, 0)}, 'parameter masked: cell [1, 0] is masked twice'),
+        ({'masked': (1, 0, 3, 1)}, 'parameter masked, cell 1, is [3, 1], outside the grid'),
+        ({'masked': (-1, 0)}, 'parameter masked, cell 0, is [-1, 0], outside the grid'),
+        ({'masked': (1, 0, 1, 0)}, 'masked, cell 1, is [1, 0], which is masked already'),
         (
             {'initial_path': (0, 0, 1, 0)},
             'parameter initial_path is (0, 0, 1, 0): cell [1, 0] is masked (land, no-go)',

@@ -15,6 +15,8 @@ from msgs_json.messages import AuvStatus, ContactState
 # Okabe-Ito: told apart with any colour vision. The last one is the UAV's.
 _AUV_COLOURS = ('#56B4E9', '#E69F00', '#009E73', '#CC79A7', '#F0E442', '#D55E00')
 _UAV_COLOUR = 'bold #FFFFFF'
+_C3_COLOUR = '#E69F00'
+_LAND_COLOUR = '#8C8070'
 _LOG_LINES = 8
 _MAP_COLS_MAX = 40
 _STATE_WIDTH = 80
@@ -147,20 +149,36 @@ class LiveView:
             for number, auv in enumerate(mission.auvs.values())
         }
         uav_cell = region.cell_at(mission.uav_position)
+        c3 = mission.scenario.c3
+        c3_cell = region.cell_at(c3)
+        c3_is_inside = (
+            0 < c3.east_m < region.cols * region.cell_m
+            and 0 < c3.north_m < region.rows * region.cell_m
+        )
         rows = Text()
         for row in reversed(range(region.rows)):
             for col in range(region.cols):
                 cell = (col, row)
+                is_land = not region.contains(cell)
                 if cell in occupied:
                     mark, colour, auv = occupied[cell]
                     style = f'{colour} dim' if auv.submerged else f'bold black on {colour}'
                     rows.append(mark, style)
+                elif is_land:
+                    rows.append('▒', _LAND_COLOUR)
                 else:
                     rows.append('·' if cell not in mission.entered else '█', '#3B6E8F')
-                rows.append('✈' if cell == uav_cell else ' ', _UAV_COLOUR)
+                if cell == uav_cell:
+                    rows.append('✈', _UAV_COLOUR)
+                elif c3_is_inside and cell == c3_cell:
+                    rows.append('⌂', _C3_COLOUR)
+                else:
+                    rows.append('▒' if is_land else ' ', _LAND_COLOUR)
             rows.append('\n')
-        c3_col = region.cell_at(mission.scenario.c3)[0]
-        rows.append(' ' * (2 * c3_col) + '⌂ C3', style='#E69F00')
+        caption = '⌂ C3' if c3_is_inside else ' ' * (2 * c3_cell[0]) + '⌂ C3'
+        rows.append(caption, _C3_COLOUR)
+        if region.masked:
+            rows.append('\n▒ land, no-go', _LAND_COLOUR)
         return Align(Panel(rows, border_style='dim', padding=(0, 1), width=2 * region.cols + 4))
 
     def _log(self) -> Table:

@@ -14,6 +14,7 @@ from matplotlib.patches import Circle, Patch, Rectangle
 from c3_station.figure_style import (
     BLACK,
     GREY,
+    LAND,
     PALE,
     WIDTH_IN,
     auv_colour,
@@ -48,7 +49,7 @@ FINE_CELLS = 400
 
 
 def _map(scenario: Scenario, *, legend_rows: int) -> tuple[Figure, Axes]:
-    """Return axes over the region and C3, with the grid of cells."""
+    """Return axes over the region and C3, with the grid of cells and the land."""
     region = scenario.region
     width_m, height_m = region.cols * region.cell_m, region.rows * region.cell_m
     margin_m = 0.04 * max(width_m, height_m)
@@ -62,12 +63,20 @@ def _map(scenario: Scenario, *, legend_rows: int) -> tuple[Figure, Axes]:
         norths_m = np.arange(region.rows + 1) * region.cell_m
         axes.vlines(easts_m, 0.0, height_m, color=PALE, lw=0.6, zorder=0.8)
         axes.hlines(norths_m, 0.0, width_m, color=PALE, lw=0.6, zorder=0.8)
+    if region.masked:
+        land = np.where(region.mask, 1.0, np.nan)
+        _mesh(axes, land, scenario, ListedColormap([LAND])).set_zorder(0.9)  # over the grid
     axes.set_xlim(west_m - margin_m, east_m + margin_m)
     axes.set_ylim(south_m - margin_m, north_m + margin_m)
     axes.set_aspect('equal')
     axes.set_xlabel('east (m)')
     axes.set_ylabel('north (m)')
     return figure, axes
+
+
+def _land_in_legend(scenario: Scenario) -> list[Line2D | Patch]:
+    """Return what a legend says of land, nothing where there is none."""
+    return [Patch(color=LAND, label='masked (land, no-go)')] if scenario.region.masked else []
 
 
 def _draw_c3(axes: Axes, scenario: Scenario) -> None:
@@ -107,6 +116,7 @@ def draw_routes(record: MissionRecord, scenario: Scenario) -> Figure | None:
         Line2D([], [], color=GREY, marker='o', mfc='white', ls='none', ms=8, label='start'),
         Line2D([], [], color=GREY, marker='X', ls='none', ms=7, label='end'),
         Line2D([], [], color=BLACK, marker='s', ls='none', ms=8, label='C3'),
+        *_land_in_legend(scenario),
     ]
     columns = 6 if len(handles) % 6 < 2 else 4
     figure, axes = _map(scenario, legend_rows=-(-len(handles) // columns))
@@ -254,7 +264,8 @@ def draw_first_sortie(record: MissionRecord, scenario: Scenario) -> Figure | Non
     if not record.summary.sorties or not record.routes or track is None:
         return None
     sortie = record.summary.sorties[0]
-    figure, axes = _map(scenario, legend_rows=3)
+    land = _land_in_legend(scenario)
+    figure, axes = _map(scenario, legend_rows=3 + len(land))
     numbers = {auv.name: number for number, auv in enumerate(scenario.auvs)}
     for number, auv in enumerate(scenario.auvs):
         cells = [scenario.region.centre(cell) for cell in auv.initial_path]
@@ -299,6 +310,7 @@ def draw_first_sortie(record: MissionRecord, scenario: Scenario) -> Figure | Non
         Line2D([], [], color=GREY, ls=':', lw=1.5, label='path before'),
         Line2D([], [], color=GREY, lw=2.2, label='path handed over'),
         Line2D([], [], marker='o', ms=11, mfc='none', mec=GREY, ls='none', label='radio range'),
+        *land,
     ]
     legend_below(figure, handles, 2)
     return figure
@@ -361,12 +373,15 @@ def draw_survey(record: MissionRecord, scenario: Scenario) -> Figure | None:
     values = np.full((region.rows, region.cols), np.nan)
     for sample in sorted(record.survey.values(), key=lambda sample: sample.entered_s):
         values[region.index(sample.cell)] = sample.value
-    figure, axes = _map(scenario, legend_rows=3)
+    land = _land_in_legend(scenario)
+    figure, axes = _map(scenario, legend_rows=3 + len(land))
     _hatch_region(axes, scenario)
     mesh = _mesh(axes, values, scenario, colormaps['cividis'])
     _draw_c3(axes, scenario)
     bar = figure.colorbar(mesh, ax=axes, location='bottom', shrink=0.7, aspect=30, pad=0.02)
     bar.set_label(_field_label(scenario))
+    if land:
+        legend_below(figure, land, 1)
     return figure
 
 

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
 
+import numpy as np
+
 from msgs_json.geometry import Cell, GridSpec, Point
 from msgs_json.messages import AuvStatus, ContactState, MissionStatus
 from msgs_json.ros_messages import (
@@ -16,6 +18,8 @@ from msgs_json.ros_messages import (
 
 UNKNOWN = -1
 SURVEYED = 0
+MASKED = 100
+"""Occupied: tools draw it as an obstacle, and only what is still to come stays unknown."""
 
 OK, WARN, ERROR = 0, 1, 2
 """Levels of diagnostic_msgs/DiagnosticStatus."""
@@ -23,24 +27,23 @@ OK, WARN, ERROR = 0, 1, 2
 # Ends and middle of the cividis colour map, which reads the same with any colour vision.
 _LOW, _MIDDLE, _HIGH = (0.0, 0.13, 0.30), (0.49, 0.48, 0.47), (1.0, 0.91, 0.27)
 _STATION_COLOUR = (0.84, 0.37, 0.0)
+_LAND_COLOUR = (0.66, 0.61, 0.54)
 
 
 def occupancy(region: GridSpec, delivered: Mapping[Cell, float], now_s: float) -> Occupancy:
-    """Return the map of delivered cells: 0 where there is a sample, -1 (unknown) elsewhere."""
+    """Return the map: 0 where a sample is delivered, 100 where masked, -1 (unknown) elsewhere."""
+    values = np.where(region.mask, MASKED, UNKNOWN)
+    for cell in delivered:
+        values[region.index(cell)] = SURVEYED
     return Occupancy(
-        stamp_s=now_s,
-        cell_m=region.cell_m,
-        values=tuple(
-            tuple(SURVEYED if (col, row) in delivered else UNKNOWN for col in range(region.cols))
-            for row in range(region.rows)
-        ),
+        stamp_s=now_s, cell_m=region.cell_m, values=tuple(map(tuple, values.tolist()))
     )
 
 
 def survey_markers(
     region: GridSpec, c3: Point, delivered: Mapping[Cell, float], now_s: float
 ) -> Markers:
-    """Return the delivered values as coloured cells, from dark (lowest) to bright, and C3."""
+    """Return the delivered values as coloured cells, from dark (lowest) to bright, C3, land."""
     low = min(delivered.values(), default=0.0)
     span = max(delivered.values(), default=0.0) - low or 1.0
     survey = ColouredCells(
@@ -52,7 +55,15 @@ def survey_markers(
     station = ColouredCells(
         name='c3', centres=(c3,), colours=(_STATION_COLOUR,), width_m=region.cell_m / 2
     )
-    return Markers(stamp_s=now_s, cells=(survey, station))
+    if not region.masked:
+        return Markers(stamp_s=now_s, cells=(survey, station))
+    land = ColouredCells(
+        name='masked',
+        centres=tuple(region.centre(cell) for cell in region.masked),
+        colours=(_LAND_COLOUR,) * len(region.masked),
+        width_m=region.cell_m,
+    )
+    return Markers(stamp_s=now_s, cells=(survey, station, land))
 
 
 def diagnostics(

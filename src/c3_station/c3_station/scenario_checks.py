@@ -20,7 +20,7 @@ from c3_station.scenario import RESERVED_NAMES, Limits, Scenario
 from c3_station.shape_checks import KeyPath, Problem, nearest
 from msgs_json import codec
 from msgs_json.drivers import find_driver, registered_drivers
-from msgs_json.geometry import path_problem
+from msgs_json.geometry import mask_problems, path_problem, unreachable_cells
 from msgs_json.messages import (
     AuvOrder,
     ExpectedContact,
@@ -47,7 +47,11 @@ if TYPE_CHECKING:
 def mission_problems(scenario: Scenario) -> list[Problem]:
     """Return why a well-formed scenario is no mission that can be flown here."""
     problems = [*_inconsistencies(scenario), *_unknown_parts(scenario)]
-    return problems or [*_radio(scenario), *_not_guaranteed(scenario)]
+    return problems or [
+        *_unreachable(scenario),
+        *_radio(scenario),
+        *_not_guaranteed(scenario),
+    ]
 
 
 # --- one part against another --------------------------------------------------------------------
@@ -55,6 +59,7 @@ def mission_problems(scenario: Scenario) -> list[Problem]:
 
 def _inconsistencies(scenario: Scenario) -> Iterator[Problem]:
     yield from _geometry(scenario)
+    yield from _mask(scenario)
     yield from _fleet(scenario)
     yield from _wind(scenario)
     planner = scenario.planner
@@ -85,6 +90,13 @@ def _geometry(scenario: Scenario) -> Iterator[Problem]:
         value_m = getattr(scenario.c3, name)
         if abs(value_m) > 1e6:
             yield Problem(('c3', name), f'is {value_m:g}; allowed: -1,000,000 to 1,000,000')
+
+
+def _mask(scenario: Scenario) -> Iterator[Problem]:
+    for index, problem in mask_problems(scenario.region):
+        yield Problem(('region', 'masked', index), problem)
+    if not scenario.region.cells_total:
+        yield Problem(('region', 'masked'), 'has every cell; allowed: to leave some to survey')
 
 
 def _fleet(scenario: Scenario) -> Iterator[Problem]:
@@ -123,6 +135,20 @@ def _limits(name: str, limits: Limits) -> Iterator[Problem]:
     if limits.min is not None and limits.max is not None and limits.min > limits.max:
         yield Problem(
             ('pass', name, 'min'), f'is {limits.min:g}; allowed: at most max, {limits.max:g}'
+        )
+
+
+# --- can every cell be surveyed? -----------------------------------------------------------------
+
+
+def _unreachable(scenario: Scenario) -> Iterator[Problem]:
+    cells = unreachable_cells(scenario.region, (auv.initial_path[0] for auv in scenario.auvs))
+    if cells:
+        listed = ', '.join(str(list(cell)) for cell in cells)
+        yield Problem(
+            ('region', 'masked'),
+            f'leaves {len(cells)} cells that no AUV can reach from where it starts; allowed:'
+            f' to start an AUV there, or to mask them as well: {listed}',
         )
 
 

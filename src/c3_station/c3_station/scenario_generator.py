@@ -2,8 +2,8 @@
 Random scenarios that can be flown: feasible by construction, the same seed the same scenario.
 
 Whatever is drawn, a planner that guarantees the sortie limit takes the mission and can explore all
-of it: the radio reaches across a cell, and L leaves room to search the initial paths of all AUVs
-and to get into every corner.
+of it: the radio reaches across a cell, the region is in one piece, and L leaves room to search the
+initial paths of all AUVs and to get into every corner.
 """
 
 from __future__ import annotations
@@ -15,6 +15,9 @@ from dataclasses import dataclass, replace
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
+import msgspec
+
+from c3_station.coast_generator import draw_coast
 from c3_station.scenario import (
     Auv,
     Limits,
@@ -35,6 +38,8 @@ from uav_planner.planning import MissionSpec, SurveyLeg
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
 
+    import numpy as np
+
 _PLANNER = 'robust'
 _AT_THE_EDGE = 0.2
 """How often a quantity is as small as it may be: there things fail first."""
@@ -49,6 +54,8 @@ _TICKS_TO_SPARE = 2
 """Beyond that: where a sortie takes but a few ticks, each AUV beside the way costs one more."""
 _NO_LIMIT_S = 1e12
 """Longer than any sortie: what stands for L until it is drawn."""
+_WITH_LAND = 0.3
+"""How often part of the region is masked unless that is asked for."""
 _GENEROUS = 20
 """The hard stop over the time of a mission in which every move enters a new cell."""
 _NUMBER = r'\d+(?:\.\d*)?(?:[eE][-+]?\d+)?'
@@ -110,6 +117,10 @@ QUANTITIES: Mapping[str, Quantity] = MappingProxyType(
             allowed=Span(least=1, most=200),
             usual=Span(least=5, most=20),
             is_whole=True,
+        ),
+        'masked': Quantity(
+            meaning='share of cells that are masked (land, no-go); 0 in 7 of 10 unless asked for',
+            allowed=Span(least=0, most=0.6),
         ),
         'cell': Quantity(
             meaning='width of a cell, metres',
@@ -178,8 +189,10 @@ def generate_scenario(
 
     """
     _check(seed, asked, models)
-    draw = _Draw(seed, asked)
-    mission, paths, speeds_mps = _draw_mission(draw)
+    draw = _Draw(agent_rng(seed, 'scenario'), asked)
+    # Of its own: what is drawn for a scenario without land is what was drawn before there was any.
+    coast = _Draw(agent_rng(seed, 'coast'), asked)
+    mission, paths, speeds_mps = _draw_mission(draw, coast)
     margin_s = draw.seldom(Span(least=0, most=mission.grid.cell_m / max(speeds_mps)))
     legs = math.ceil(mission.grid.cells_total / (len(speeds_mps) * mission.path_cells))
     leg_s = mission.path_cells * mission.grid.cell_m / min(speeds_mps) + margin_s
@@ -248,8 +261,8 @@ def _check(seed: int, asked: Mapping[str, Span], models: Sequence[str]) -> None:
 class _Draw:
     """Draws numbers, and keeps to what was asked for."""
 
-    def __init__(self, seed: int, asked: Mapping[str, Span]) -> None:
-        self.rng = agent_rng(seed, 'scenario')
+    def __init__(self, rng: np.random.Generator, asked: Mapping[str, Span]) -> None:
+        self.rng = rng
         self._asked = asked
 
     def asks_for(self, name: str) -> bool:
@@ -315,14 +328,14 @@ class _Draw:
 
 
 def _draw_mission(
-    draw: _Draw,
+    draw: _Draw, coast: _Draw
 ) -> tuple[MissionSpec, tuple[tuple[Cell, ...], ...], tuple[float, ...]]:
     """Return a mission, and the initial path and the speed (m/s) of each AUV."""
     longest_s = draw.bounds('limit').most
     least_s = math.inf
     for _ in range(_DRAWS):
         speeds_mps = _draw_speeds(draw)
-        mission = _draw_mission_without_limit(draw, max(speeds_mps))
+        mission = _draw_mission_without_limit(draw, coast, max(speeds_mps))
         paths = _draw_paths(draw, mission, len(speeds_mps))
         least_s = min(least_s, _needed_s(mission, paths))
         if least_s <= longest_s:
@@ -331,8 +344,8 @@ def _draw_mission(
     return replace(mission, sortie_limit_s=limit_s), paths, speeds_mps
 
 
-def _draw_mission_without_limit(draw: _Draw, fastest_mps: float) -> MissionSpec:
-    region, range_m = _draw_region(draw)
+def _draw_mission_without_limit(draw: _Draw, coast: _Draw, fastest_mps: float) -> MissionSpec:
+    region, range_m = _draw_region(draw, coast)
     crossing_s = region.cell_m / fastest_mps
     tick_s = draw.number('tick', Span(least=crossing_s / 12, most=crossing_s / 2))
     path_cells = draw.whole('path-cells', least=draw.bounds('min-path-cells').least)
@@ -349,7 +362,7 @@ def _draw_mission_without_limit(draw: _Draw, fastest_mps: float) -> MissionSpec:
     )
 
 
-def _draw_region(draw: _Draw) -> tuple[GridSpec, float]:
+def _draw_region(draw: _Draw, coast: _Draw) -> tuple[GridSpec, float]:
     """Return the region and the radio range, metres."""
     cols = draw.whole('cols')
     rows = draw.whole('rows', least=2 if cols == 1 else 1)  # a path has two cells
@@ -359,7 +372,12 @@ def _draw_region(draw: _Draw) -> tuple[GridSpec, float]:
     else:
         cell_m = draw.number('cell')
         range_m = draw.number('range', Span(least=cell_m, most=4 * cell_m), least=cell_m)
-    return GridSpec(cols=cols, rows=rows, cell_m=cell_m), range_m
+    grid = GridSpec(cols=cols, rows=rows, cell_m=cell_m)
+    share = 0.0
+    if coast.asks_for('masked') or coast.rng.random() < _WITH_LAND:
+        share = coast.number('masked', Span(least=0.05, most=0.3))
+    masked = draw_coast(coast.rng, grid, share)
+    return msgspec.structs.replace(grid, masked=masked), range_m
 
 
 def _draw_speeds(draw: _Draw) -> tuple[float, ...]:
@@ -386,7 +404,7 @@ def _draw_paths(draw: _Draw, mission: MissionSpec, auvs: int) -> tuple[tuple[Cel
     starts = draw.rng.choice(grid.cells_total, auvs, replace=auvs > grid.cells_total)
     paths = []
     for start in starts.tolist():
-        path = [(start % grid.cols, start // grid.cols)]
+        path = [grid.cells[start]]
         for _ in range(draw.rng.integers(1, mission.path_cells, endpoint=True)):
             neighbours = grid.neighbours(path[-1])
             path.append(neighbours[draw.rng.integers(len(neighbours))])
@@ -401,7 +419,7 @@ def _needed_s(mission: MissionSpec, paths: Sequence[tuple[Cell, ...]]) -> float:
     For the latter it has something to spare over a sortie to the farthest cell, and suffices for
     AUVs in any two corners: else those in the one keep those in the other from its last cells.
     """
-    grid = mission.grid
+    grid = msgspec.structs.replace(mission.grid, masked=())  # land in a corner: then it is enough
     corners = [(col, row) for col in (0, grid.cols - 1) for row in (0, grid.rows - 1)]
     ends = [(grid.neighbours(corner)[0], corner) for corner in corners]
     farthest_s = max(_round_s(mission, [end], len(paths)) for end in ends)

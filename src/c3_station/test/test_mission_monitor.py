@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 import pytest
 from rich.console import Console
 
@@ -99,6 +101,23 @@ def test_the_view_fits_narrow_and_wide_terminals() -> None:
         lines = capture.get().splitlines()
         assert any('100 of 100 cells' in line for line in lines)
         assert any('recovered' in line for line in lines)
+
+
+def test_the_view_shows_land_and_the_station_on_it() -> None:
+    harbour = load_scenario('harbour')
+    console = Console(width=120)
+    with console.capture() as capture:
+        console.print(LiveView(MissionMonitor(harbour, UAV), 'harbour'))
+    lines = [re.sub('[│╭╮─ ]*│ │ ?', '', line, count=1) for line in capture.get().splitlines()]
+    rows = lines[2 : 2 + harbour.region.rows]
+    assert [row.count('▒') for row in rows] == [
+        2 * sum((col, row) in harbour.region.masked for col in range(harbour.region.cols))
+        - (row == harbour.region.cell_at(harbour.c3)[1])  # the UAV is on the quay
+        for row in reversed(range(harbour.region.rows))
+    ]
+    assert rows[1].startswith('▒' * 9 + '✈')
+    assert lines[14].startswith('⌂ C3')
+    assert lines[15].startswith('▒ land, no-go')
 
 
 # --- lost, late and broken off -------------------------------------------------------------------

@@ -23,6 +23,19 @@ def test_delivered_cells_are_free_and_others_unknown_row_by_row_from_the_south()
     assert (grid.cell_m, grid.stamp_s) == (10.0, 44.0)
 
 
+def test_land_is_an_obstacle_and_not_waited_for() -> None:
+    bay = GridSpec(cols=3, rows=2, cell_m=10.0, masked=((1, 0), (2, 1)))
+    assert occupancy(bay, {(2, 0): 12.5}, 44.0).values == ((-1, 100, 0), (-1, -1, 100))
+    survey, station, land = survey_markers(bay, C3, {(2, 0): 12.5}, 44.0).cells
+    assert (survey.centres, station.centres) == ((bay.centre((2, 0)),), (C3,))
+    assert (land.name, land.width_m) == ('masked', 10.0)
+    assert land.centres == (bay.centre((1, 0)), bay.centre((2, 1)))
+    assert len(set(land.colours)) == 1
+    assert len(land.colours) == 2
+    assert to_cdr(survey_markers(bay, C3, {}, 0.0))
+    assert to_cdr(occupancy(bay, {}, 0.0))
+
+
 def test_a_sample_of_zero_is_a_sample() -> None:
     assert occupancy(REGION, {(0, 0): 0.0}, 0.0).values[0][0] == 0
 

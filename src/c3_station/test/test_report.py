@@ -3,24 +3,26 @@
 from __future__ import annotations
 
 import functools
+import itertools
 import json
 import re
 import tempfile
 from base64 import b64encode
 from dataclasses import replace
-from itertools import pairwise
 from pathlib import Path
 
 import matplotlib as mpl
 import msgspec
 import numpy as np
 import pytest
+from matplotlib.collections import QuadMesh
+from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
 from page_checks import Page, check_texts, words
 
 from c3_station import map_figures, paper, time_figures
 from c3_station.bag import BagError, BagFacts, BagReader, BagWriter, stamp_ns
-from c3_station.figure_style import BLACK, GREY, SKY, STYLE, VERMILLION
+from c3_station.figure_style import BLACK, GREY, LAND, SKY, STYLE, VERMILLION
 from c3_station.figures import FIGURES, DrawnFigure, draw_figures
 from c3_station.in_process import fly
 from c3_station.mission_record import MissionRecord, bag_records, gather_mission, read_mission
@@ -41,6 +43,7 @@ from msgs_json.messages import ContactState, Met, Missed
 from msgs_json.ros_messages import to_cdr
 
 NAMES = ['routes', 'first_sortie', 'coverage', 'contacts', 'neglect', 'sorties', 'survey']
+MAPS = ['routes', 'first_sortie', 'survey']
 FACTS = BagFacts(wall_s=2.5, real_time_factor=212.0, complete=True)
 
 
@@ -160,7 +163,7 @@ def test_page_of_the_reference_mission_says_what_the_paper_says() -> None:
     assert 'whole region explored 456 s 457 s +1 s p. 120, Fig. 7(b)' in text
     assert 'first sortie back at C3 44 s 44 s 0 s' in text
     assert 'neglect of A3 7.17 % 8.1 % +0.93 points' in text
-    assert '457 s region explored; no planner can before 330 s' in text
+    assert '457 s region explored; no planner can before 331 s' in text
     assert '0 of 9 sorties over their limit; longest 59 s of 60 s' in text
     assert '97.8 % is the most that a sortie took of its worst case' in text
     assert '64 s the UAV waited at C3 before its sorties' in text
@@ -338,8 +341,13 @@ def drawn(name: str, record: MissionRecord) -> Figure:
     return figure
 
 
-@pytest.mark.parametrize('name', NAMES)
-@pytest.mark.parametrize('mission', ['ecc2009', 'minimal'])
+@pytest.mark.parametrize(
+    ('mission', 'name'),
+    [
+        *itertools.product(['ecc2009', 'minimal'], NAMES),
+        *itertools.product(['harbour'], MAPS),
+    ],
+)
 def test_no_text_overlaps_and_none_is_cut_off(mission: str, name: str) -> None:
     check_texts(drawn(name, recorded(mission)))
 
@@ -460,7 +468,7 @@ def test_coverage_ends_at_all_cells_and_stays_below_the_bound() -> None:
         (np.asarray(line.get_xdata()), np.asarray(line.get_ydata())) for line in lines[:3]
     )
     assert bound[1][-1] == entered[1][-1] == delivered[1][-1] == 100.0
-    assert bound[0][np.argmax(bound[1] >= 100.0)] == 330.0
+    assert bound[0][np.argmax(bound[1] >= 100.0)] == 331.0
     assert entered[0][np.argmax(entered[1] >= 100.0)] == 457.0
     for time_s in range(1, 530):
         at = [line[1][np.searchsorted(line[0], time_s, 'right') - 1] for line in (bound, entered)]
@@ -474,11 +482,34 @@ def test_bars_of_the_sorties_are_their_durations() -> None:
     assert heights == [sortie.duration_s for sortie in record.summary.sorties]
 
 
+@pytest.mark.parametrize('name', MAPS)
+def test_land_is_drawn_on_every_map_and_said_to_be_land(name: str) -> None:
+    record = recorded('harbour')
+    assert record.scenario is not None
+    region = record.scenario.region
+    figure = drawn(name, record)
+    (land,) = (
+        each
+        for each in figure.axes[0].collections
+        if isinstance(each, QuadMesh) and to_hex(each.cmap(0.5)).upper() == LAND
+    )
+    values = np.ma.filled(land.get_array(), np.nan).reshape(region.rows, region.cols)
+    np.testing.assert_array_equal(~np.isnan(values), region.mask)
+    assert 'masked (land, no-go)' in legend_of(figure)
+
+
+@pytest.mark.parametrize('name', MAPS)
+def test_where_there_is_no_land_nothing_is_said_of_it(name: str) -> None:
+    legends = drawn(name, recorded('ecc2009')).legends
+    texts = [text.get_text() for legend in legends for text in legend.get_texts()]
+    assert not any('masked' in text for text in texts)
+
+
 def test_line_keeps_to_the_right_of_its_route() -> None:
     route = [0j, 10 + 0j, 10 + 10j, 10 + 0j, 20 + 0j]  # east, north, back south, east
     line = map_figures._keeping_right(route, 1.0)
     assert line.tolist() == [-1j, 11 - 1j, 11 + 10j, 9 + 10j, 9 - 1j, 20 - 1j]
-    for a, b in pairwise(line):
+    for a, b in itertools.pairwise(line):
         assert abs(a - b) > 0.0
 
 

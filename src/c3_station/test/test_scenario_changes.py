@@ -44,6 +44,7 @@ def surfacing(*texts: str) -> list[dict[str, Any]]:
             'auvs.0.initial_path=[[3, 7], [4, 7]],[[3, 7], [3, 8]]',
             [[[3, 7], [4, 7]], [[3, 7], [3, 8]]],
         ),
+        ('region.masked=[[1, 2]],[[1, 2], [3, 4]],[]', [[[1, 2]], [[1, 2], [3, 4]], []]),
         ('name="a, b",c', ['a, b', 'c']),
         ('description=what # it is', ['what']),
     ],
@@ -156,6 +157,11 @@ def test_changes_are_made_after_the_planner_is_chosen() -> None:
     assert chosen.planner.options == {'tie_order': 'wsen-last'}
 
 
+def test_land_is_set_as_a_whole() -> None:
+    content = changed('region.masked=[[9, 9], [0, 0]]')
+    assert content['region']['masked'] == ((9, 9), (0, 0))
+
+
 # --- what is refused -----------------------------------------------------------------------------
 
 
@@ -171,6 +177,10 @@ def test_changes_are_made_after_the_planner_is_chosen() -> None:
         ('tick_s.x=3', 'tick_s.x is part of a value, 1.0'),
         ('auvs.speed_mps.x=3', 'auvs[2].speed_mps.x is part of a value, 1.0'),
         ('auvs.0.initial_path.0=[1, 1]', 'auvs[0].initial_path.0 is part of a value'),
+        ('region.masked=[1, 2]', 'region.masked[0] is 1; allowed: [a whole number'),
+        ('region.masked=[[9, 10]]', 'region.masked[0] is [9, 10], outside the grid'),
+        ('region.masked.0=[1, 2]', 'region.masked.0 is part of a value, []; allowed: to set that'),
+        ('region.masked=[[8, 9], [9, 8]]', 'or to mask them as well: [9, 9]'),
         ('auvs=3', 'auvs is 3; allowed: a list of 1 to 200'),
         ('auvs.3.speed_mps=1', 'auvs.3 cannot be set; allowed: auvs.KEY for all of them'),
         ('auvs.auv_4.speed_mps=1', 'AUV 0 to 2 or auv_1, auv_2, auv_3'),

@@ -57,7 +57,7 @@ def changed(path: tuple[str | int, ...], value: object) -> dict[str, Any]:
 
 
 def test_shipped_scenarios_load_and_are_named_as_their_files() -> None:
-    assert set(shipped_scenarios()) == {'ecc2009', 'fleet_8', 'minimal'}
+    assert set(shipped_scenarios()) == {'ecc2009', 'fleet_8', 'harbour', 'minimal'}
     for name, path in shipped_scenarios().items():
         assert load_scenario(name).name == name
         assert load_scenario(path) == load_scenario(str(path)) == load_scenario(name)
@@ -89,7 +89,7 @@ def test_commented_defaults_of_the_template_are_the_defaults() -> None:
     keys = ('altitude_m', 'driver', 'speed_mps', 'depth_m', 'surfacing', 'max_message_bytes')
     keys += ('wind_east_mps', 'wind_north_mps', 'handover_s', 'lost_after_sorties')
     keys += ('surface_margin_s', 'min_path_cells', 'options', 'tick_s', 'seed', 'field')
-    keys += ('on_death', 'samples_lost')
+    keys += ('on_death', 'samples_lost', 'masked')
     uncommented, found = [], set()
     for line in text.splitlines():
         indent, mark, rest = line.partition('# ')
@@ -102,6 +102,22 @@ def test_commented_defaults_of_the_template_are_the_defaults() -> None:
     assert found == set(keys)
     scenario = parse_json_of_yaml('\n'.join(uncommented))
     assert scenario == load_scenario('minimal')
+
+
+def test_the_harbour_is_as_it_is_drawn() -> None:
+    harbour = load_scenario('harbour')
+    text = shipped_scenarios()['harbour'].read_text()
+    drawn = {
+        (col, int(row)): mark
+        for row, marks in re.findall(r'^# +(\d+)((?: \S)+)$', text.replace('  ', ' '), re.M)
+        for col, mark in enumerate(marks.split())
+    }
+    c3_cell = harbour.region.cell_at(harbour.c3)
+    assert len(drawn) == harbour.region.cols * harbour.region.rows
+    assert {cell for cell, mark in drawn.items() if mark in '#C'} == set(harbour.region.masked)
+    assert drawn[c3_cell] == 'C'
+    for number, auv in enumerate(harbour.auvs, start=1):
+        assert drawn[auv.initial_path[0]] == str(number)
 
 
 def parse_json_of_yaml(text: str) -> Scenario:
@@ -225,6 +241,33 @@ def test_field_file_is_found_beside_the_scenario(tmp_path: Path) -> None:
     [
         (('name',), 'Bad Name', ["name is 'Bad Name'", 'allowed: text', '[a-z]']),
         (('region', 'rows'), 0, ['region.rows is 0', 'at least 1 and at most 1,000']),
+        (('region', 'masked'), 5, ['region.masked is 5', 'a list of 0 or more']),
+        (('region', 'masked'), [1, 2], ['region.masked[0] is 1', '[a whole number', 'row']),
+        (('region', 'masked'), [[1]], ['region.masked[0] is [1]', 'column, 0 = west']),
+        (
+            ('region', 'masked'),
+            [[0, 0], [10, 0]],
+            ['region.masked[1] is [10, 0], outside the grid', 'columns 0 to 9, rows 0 to 9'],
+        ),
+        (('region', 'masked'), [[0, 0], [0, 0]], ['region.masked[1] is [0, 0]', 'already']),
+        (
+            ('region', 'masked'),
+            [[4, 7]],
+            ['auvs[0].initial_path is [3, 7], [4, 7]: cell [4, 7] is masked (land, no-go)'],
+        ),
+        (
+            ('region', 'masked'),
+            [[col, row] for col in range(10) for row in range(10)],
+            ['region.masked has every cell; allowed: to leave some', 'auvs[0].initial_path'],
+        ),
+        (
+            ('region', 'masked'),
+            [[8, 0], [8, 1], [9, 2]],
+            [
+                'region.masked leaves 2 cells that no AUV can reach from where it starts; allowed:'
+                ' to start an AUV there, or to mask them as well: [9, 0], [9, 1]',
+            ],
+        ),
         (('region', 'cell_m'), float('nan'), ['region.cell_m is nan', 'more than 0']),
         (('region', 'cell_m'), 0.05, ['region.cell_m is 0.05', 'at least 0.1']),
         (('c3', 'north_m'), float('-inf'), ['c3.north_m is -inf']),
@@ -277,6 +320,19 @@ def test_problem_names_file_line_key_value_and_what_is_allowed(
     assert str(caught.value).startswith(f'{file}: line ')
     for part in said:
         assert part in str(caught.value)
+
+
+def test_what_no_auv_reaches_may_be_masked_too_or_get_an_auv(tmp_path: Path) -> None:
+    wall = [[8, 0], [8, 1], [9, 2]]
+    with pytest.raises(ScenarioError) as caught:
+        load_scenario(write(tmp_path, changed(('region', 'masked'), wall)))
+    listed = str(caught.value).rpartition('as well: ')[2]
+    all_of_it = [*wall, *yaml.safe_load(f'[{listed}]')]
+    filled = load_scenario(write(tmp_path, changed(('region', 'masked'), all_of_it)))
+    assert filled.region.cells_total == 95
+    with_another = changed(('region', 'masked'), wall)
+    with_another['auvs'].append({'name': 'auv_4', 'initial_path': [[9, 0], [9, 1]]})
+    assert load_scenario(write(tmp_path, with_another)).region.cells_total == 97
 
 
 @pytest.mark.parametrize('key', ['name', 'region', 'auvs', 'planner', 'max_mission_s'])
@@ -344,7 +400,7 @@ def test_file_that_cannot_be_read_is_refused(tmp_path: Path) -> None:
 
 
 def test_unknown_name_is_refused_with_the_shipped_ones() -> None:
-    with pytest.raises(ScenarioError, match=r'did you mean ecc2009\?.*ecc2009, fleet_8, minimal'):
+    with pytest.raises(ScenarioError, match=r'did you mean ecc2009\?.*ecc2009, fleet_8, harbour'):
         load_scenario('eccc2009')
 
 

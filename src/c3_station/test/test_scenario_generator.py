@@ -7,6 +7,7 @@ import shlex
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
+import msgspec
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -27,7 +28,7 @@ from c3_station.scenario_generator import (
 )
 from c3_station.scenario_writer import scenario_yaml
 from c3_station.summary import Summarizer, Summary
-from msgs_json.geometry import path_length_m, surface_deadline_s
+from msgs_json.geometry import path_length_m, surface_deadline_s, unreachable_cells
 from uav_planner.guarantee import initial_problem
 from uav_planner.planners import make_planner
 from uav_planner.planning import MissionSpec, SortieRequest, SurveyLeg
@@ -69,6 +70,7 @@ def drawn(scenario: Scenario) -> dict[str, float]:
     return {
         'cols': scenario.region.cols,
         'rows': scenario.region.rows,
+        'masked': len(scenario.region.masked) / (scenario.region.cols * scenario.region.rows),
         'cell': scenario.region.cell_m,
         'range': scenario.radio.range_m,
         'auvs': len(scenario.auvs),
@@ -97,6 +99,8 @@ def requests(draw: st.DrawFn) -> dict[str, Span]:
         if draw(st.booleans()):
             ends = sorted((draw(st.floats(least, most)), draw(st.floats(least, most))))
             asked[name] = Span(least=ends[0], most=ends[1])
+    if draw(st.booleans()):
+        asked['masked'] = Span(least=0, most=draw(st.floats(0, 0.6)))
     return asked
 
 
@@ -132,10 +136,11 @@ def test_the_same_seed_draws_the_same_bytes(seed: int) -> None:
 
 def test_a_seed_draws_what_it_always_drew() -> None:
     """Campaigns are cited by their seeds: a change here is one that the changelog must tell."""
-    scenario = generate_scenario(2009)
+    scenario = generate_scenario(2009, {'masked': Span(least=0, most=0)})
     assert drawn(scenario) | {'limit': None} == {
         'cols': 16,
         'rows': 17,
+        'masked': 0.0,
         'cell': 27.0,
         'range': 45.2,
         'auvs': 2,
@@ -146,13 +151,51 @@ def test_a_seed_draws_what_it_always_drew() -> None:
     }
     assert scenario.auvs[0].initial_path == ((6, 12), (6, 13), (7, 13))
     assert scenario.auvs[1].surfacing == {'model': 'slow', 'least_factor': 0.92}
+    with_land = generate_scenario(2009).region
+    assert (with_land.cols, with_land.rows, len(with_land.masked)) == (16, 17, 54)
+    assert with_land.masked[:5] == ((0, 0), (1, 0), (2, 0), (3, 0), (6, 0))
+    assert not generate_scenario(2010).region.masked
+
+
+def test_land_leaves_the_sea_in_one_piece_and_as_much_of_it_as_is_asked_for() -> None:
+    shares = []
+    for seed in range(60):
+        asked = {'masked': Span(least=0.3, most=0.5), 'rows': Span(least=2, most=30)}
+        region = generate_scenario(seed, asked).region
+        assert unreachable_cells(region, region.cells[:1]) == ()
+        shares.append(len(region.masked) / (region.cols * region.rows))
+    assert max(shares) <= 0.5
+    assert sorted(shares)[6] > 0.25  # on a small grid there may be no room for more
+
+
+def test_land_is_on_shores_and_in_islands() -> None:
+    regions = [
+        generate_scenario(seed, {'masked': Span(least=0.1, most=0.3)}).region for seed in range(20)
+    ]
+    has_island, has_shore = [], []
+    for region in regions:
+        rim = [
+            cell
+            for cell in region.masked
+            if cell[0] in (0, region.cols - 1) or cell[1] in (0, region.rows - 1)
+        ]
+        land = msgspec.structs.replace(region, masked=region.cells)
+        has_shore.append(bool(rim))
+        has_island.append(bool(unreachable_cells(land, rim)))
+    assert sum(has_shore) > 10
+    assert sum(has_island) > 10
 
 
 def test_usual_ranges_are_covered_and_nothing_else() -> None:
     scenarios = [generate_scenario(seed) for seed in range(300)]
     for name, quantity in QUANTITIES.items():
         values = [drawn(scenario)[name] for scenario in scenarios]
-        if quantity.usual is None:
+        if name == 'masked':
+            land = [share for share in values if share > 0.0]
+            assert 0.2 * len(values) < len(land) < 0.4 * len(values)
+            assert max(land) <= 0.3
+            assert max(land) > 0.25
+        elif quantity.usual is None:
             assert len(set(values)) > 100
         elif quantity.is_whole:
             assert sorted(set(values)) == list(
@@ -216,7 +259,9 @@ SMALL = {name: Span(least=3, most=7) for name in ('cols', 'rows')}
     'seed', [*range(8), *(pytest.param(s, marks=pytest.mark.slow) for s in range(8, 80))]
 )
 def test_robust_flies_what_is_drawn_as_it_promises(seed: int) -> None:
-    summary = flown(generate_scenario(seed, SMALL))
+    # As often as not with much more land than is usual.
+    asked = SMALL | {'masked': Span(least=0, most=0.5)} if seed % 2 else SMALL
+    summary = flown(generate_scenario(seed, asked))
     assert summary.complete
     assert summary.explored_s is not None
     assert (summary.sortie_limit_violations, summary.missed_total, summary.samples_lost) == (

@@ -37,16 +37,18 @@ def problem_with_order(order: MissionOrder, setup: UavSetup) -> str | None:
         return f'AUVs must have different names, are {", ".join(names)}'
     if order.min_path_cells > order.path_cells:
         return f'min_path_cells is {order.min_path_cells}, path_cells {order.path_cells}'
-    for _, mask_problem in mask_problems(order.region):
-        return mask_problem
+    for index, mask_problem in mask_problems(order.region):
+        return f'region.masked[{index}] {mask_problem}'
     for auv in order.auvs:
         problem = path_problem(auv.leg.path, order.region)
         if problem:
             return f'path of {auv.name}: {problem}'
-    out_of_reach = unreachable_cells(order.region, (auv.leg.path[0] for auv in order.auvs))
-    if out_of_reach:
-        cells = ', '.join(str(list(cell)) for cell in out_of_reach)
-        return f'no AUV can reach {cells} of the region from where it starts'
+    unreachable = unreachable_cells(order.region, (auv.leg.path[0] for auv in order.auvs))
+    if unreachable:
+        return (
+            f'no AUV can reach {len(unreachable)} cells of the region from where it starts,'
+            f' {list(unreachable[0])} first'
+        )
     return None
 
 
