@@ -86,6 +86,11 @@ class GridSpec(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=
         msgspec.Meta(description='cells that are not part of the region: land, no-go'),
     ] = ()
 
+    def __str__(self) -> str:
+        """Return the size in a person's words."""
+        land = f', {len(self._masked_cells)} of them masked' if self.masked else ''
+        return f'{self.cols} x {self.rows} cells of {self.cell_m:g} m{land}'
+
     @cached_property
     def _masked_cells(self) -> frozenset[Cell]:
         return frozenset(cell for cell in self.masked if self.is_on_grid(cell))

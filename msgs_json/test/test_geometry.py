@@ -206,6 +206,11 @@ def test_all_ways_to_look_at_a_mask_agree(region: GridSpec) -> None:
     assert inside == [cell for cell in everything if region.problem_with(cell) is None]
 
 
+def test_a_size_is_said_in_words() -> None:
+    assert str(REGION) == '4 x 3 cells of 10 m'
+    assert str(BAY) == '4 x 3 cells of 10 m, 3 of them masked'
+
+
 def test_nobody_can_change_a_mask() -> None:
     with pytest.raises(ValueError, match='read-only'):
         BAY.mask[0, 0] = True

@@ -281,10 +281,9 @@ def _check(options: argparse.Namespace, console: Console) -> ExitCode:
     from c3_station.scenario_files import load_scenario
 
     scenario = load_scenario(options.scenario)
-    region = scenario.region
     console.print(
-        f'{scenario.name} is in order: {region.cols} x {region.rows} cells of {region.cell_m:g} m,'
-        f' {len(scenario.auvs)} AUVs, planner {scenario.planner.name}',
+        f'{scenario.name} is in order: {scenario.region}, {len(scenario.auvs)} AUVs,'
+        f' planner {scenario.planner.name}',
         highlight=False,
     )
     if options.params is not None:

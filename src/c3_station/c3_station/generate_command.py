@@ -90,8 +90,4 @@ def _heading(seed: int, options: GenerateOptions) -> str:
 
 
 def _content(scenario: Scenario) -> str:
-    region = scenario.region
-    return (
-        f'{region.cols} x {region.rows} cells of {region.cell_m:g} m,'
-        f' {len(scenario.auvs)} AUVs, L {scenario.sortie.limit_s:g} s'
-    )
+    return f'{scenario.region}, {len(scenario.auvs)} AUVs, L {scenario.sortie.limit_s:g} s'

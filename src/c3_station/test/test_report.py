@@ -163,7 +163,7 @@ def test_page_of_the_reference_mission_says_what_the_paper_says() -> None:
     assert 'whole region explored 456 s 457 s +1 s p. 120, Fig. 7(b)' in text
     assert 'first sortie back at C3 44 s 44 s 0 s' in text
     assert 'neglect of A3 7.17 % 8.1 % +0.93 points' in text
-    assert '457 s region explored; no planner can before 331 s' in text
+    assert '457 s region explored; no planner can before 330 s' in text
     assert '0 of 9 sorties over their limit; longest 59 s of 60 s' in text
     assert '97.8 % is the most that a sortie took of its worst case' in text
     assert '64 s the UAV waited at C3 before its sorties' in text
@@ -173,6 +173,11 @@ def test_page_of_the_reference_mission_says_what_the_paper_says() -> None:
     assert 'stays up for recovery' in text
     assert 'python3 orchestrate.py report bag' in text
     assert 'python3 orchestrate.py run ecc2009 --planner ecc2009 --seed 0' in text
+
+
+def test_page_says_how_much_of_the_region_is_land() -> None:
+    assert '12 cells of 25 m, 37 of them masked · version' in words(page_of(recorded('harbour')))
+    assert '10 cells of 10 m · version' in words(page_of(recorded('ecc2009')))
 
 
 def test_the_line_to_fly_again_flies_the_same() -> None:
