@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 _COMMENTS: Mapping[str, str] = MappingProxyType(
     {
         'name': 'Units are in the key names.',
-        'region': 'Cells are [col, row] from the south-west corner; masked ones are land or no-go.',
+        'region': 'Cells are [col, row] from the south-west corner; masked ones: land, no-go.',
         'c3': 'Where sorties begin and end, metres from that corner.',
         'uav': 'Planners do not know of the wind.',
         'auvs': 'In visiting order.',
