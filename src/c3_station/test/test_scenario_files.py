@@ -167,6 +167,12 @@ def test_ends_of_the_ranges_are_also_those_of_the_node_parameters(
         validated(type(each), msgspec.to_builtins(each))
 
 
+def test_every_auv_is_told_of_the_land() -> None:
+    harbour = load_scenario('harbour')
+    for auv in mission_params(harbour).auvs:
+        assert tuple(zip(auv.masked[::2], auv.masked[1::2], strict=True)) == harbour.region.masked
+
+
 def fleet(auvs: int, path_cells: int) -> Scenario:
     content = changed(('planner', 'path_cells'), path_cells)
     content['auvs'] = [ECC2009['auvs'][0] | {'name': f'auv_{number}'} for number in range(auvs)]
