@@ -3,6 +3,7 @@
 import functools
 import io
 import json
+import math
 import re
 import shlex
 import sys
@@ -29,6 +30,7 @@ from c3_station.bench_guarantee import BOARDS
 from c3_station.bench_ties import print_ties
 from c3_station.graph import mission_nodes
 from c3_station.in_process import fly
+from c3_station.lower_bound import lower_bound_s
 from c3_station.recorded_topics import mission_topics
 from c3_station.scenario_files import load_scenario, shipped_scenarios, with_choices
 from c3_station.summary import Summarizer, Summary
@@ -287,6 +289,21 @@ def test_the_guarantee_quotes_what_the_oracle_counts(board: Board) -> None:
     count = count_refusals(board.mission, board.legs)
     share = f' ({count.refused / count.winning:.2%})'.replace('%', ' %') if count.refused else ''
     assert rows == [f'{count.paths:,} | {count.winning:,} | {count.refused:,}{share}']
+
+
+def test_the_bounds_are_those_of_the_shipped_scenarios() -> None:
+    rows = []
+    for name in shipped_scenarios():
+        scenario = load_scenario(name)
+        starts = {auv.initial_path[0] for auv in scenario.auvs}
+        (cell_s,) = {scenario.region.cell_m / auv.speed_mps for auv in scenario.auvs}
+        rounds = math.ceil((scenario.region.cells_total - len(starts)) / len(scenario.auvs))
+        rows.append(
+            f'| `{name}` | {scenario.region.cells_total} | {len(scenario.auvs)}'
+            f' | {rounds * cell_s:g} s | {lower_bound_s(scenario):g} s |'
+        )
+    lines = text_of(ROOT / 'docs' / 'bounds.md').splitlines()
+    assert [line for line in lines if line.startswith('| `')] == rows
 
 
 # --- architecture -----------------------------------------------------------------------------

@@ -8,7 +8,6 @@ since the mission was started.
 
 from __future__ import annotations
 
-import heapq
 import math
 import re
 from dataclasses import dataclass
@@ -18,11 +17,12 @@ import msgspec
 
 from auv_sim.world import WORLD
 from c3_station.bag import BagFacts
+from c3_station.lower_bound import lower_bound_s
 from c3_station.node_params import C3
 from c3_station.scenario_files import scenario_from_json
 from msgs_json import codec
 from msgs_json.codec import MessageError
-from msgs_json.geometry import TOLERANCE, Cell, is_before
+from msgs_json.geometry import Cell, is_before
 from msgs_json.messages import (
     CellEntered,
     ContactState,
@@ -336,36 +336,6 @@ def c3_waits(sorties: Sequence[SortieSummary]) -> list[tuple[float, float]]:
         for returned_s, sortie in zip(returns_s, sorties, strict=False)
         if returned_s is not None
     ]
-
-
-def lower_bound_s(scenario: Scenario) -> float:
-    """
-    Return a time before which no planner can have the region explored.
-
-    Each cell that is not a start cell must be entered once, by some AUV. An AUV needs
-    ``cell_m / speed_mps`` from one cell centre to the next, so by time t it has entered at most
-    ``floor(t * speed_mps / cell_m)``; the bound is the first time at which these add up to the
-    cells there are. Surfacing, revisits and paths that meet in the same cell only add to it.
-    """
-    starts = {auv.initial_path[0] for auv in scenario.auvs}
-    cells_left = scenario.region.cells_total - len(starts)
-    if cells_left == 0:
-        return 0.0
-    seconds_per_cell = [scenario.region.cell_m / auv.speed_mps for auv in scenario.auvs]
-    # At this time they could all be entered if parts of cells counted; then cell by cell.
-    even_s = cells_left / sum(1.0 / each_s for each_s in seconds_per_cell)
-    entered = [math.floor(even_s / each_s * (1.0 + TOLERANCE)) for each_s in seconds_per_cell]
-    bound_s = max(count * each_s for count, each_s in zip(entered, seconds_per_cell, strict=True))
-    next_entries = [
-        ((count + 1) * each_s, each_s)
-        for count, each_s in zip(entered, seconds_per_cell, strict=True)
-    ]
-    heapq.heapify(next_entries)
-    for _ in range(cells_left - sum(entered)):
-        time_s, each_s = next_entries[0]
-        bound_s = max(bound_s, time_s)
-        heapq.heapreplace(next_entries, (time_s + each_s, each_s))
-    return bound_s
 
 
 def _check(name: str, value: float | None, limits: Limits) -> ConditionCheck:

@@ -21,8 +21,10 @@ from c3_station.figure_style import (
     legend_below,
     new_figure,
 )
+from c3_station.fleet_limits import fleet_limits
+from c3_station.lower_bound import lower_bound_s
 from c3_station.paper import EXPLORED_S, is_reference_mission
-from c3_station.summary import c3_waits, lower_bound_s
+from c3_station.summary import c3_waits
 from msgs_json.geometry import TOLERANCE, is_before
 from msgs_json.messages import (
     CellEntered,
@@ -139,21 +141,25 @@ def _all_at(time_s: float | None) -> str:
 
 
 def _best_coverage(scenario: Scenario) -> tuple[list[float], list[float]]:
-    """Return the share of cells that can have been entered at most, up to the lower bound."""
+    """
+    Return the share of cells that can have been entered at most, up to the lower bound.
+
+    Without a thought of the UAV, but for the last cell: that is what the bound is about.
+    """
     cells_total = scenario.region.cells_total
     starts = len({auv.initial_path[0] for auv in scenario.auvs})
     bound_s = lower_bound_s(scenario)
+    cells_s = [auv.cell_ticks * scenario.tick_s for auv in fleet_limits(scenario).auvs]
     entries_s = sorted(
-        count * scenario.region.cell_m / auv.speed_mps
-        for auv in scenario.auvs
-        for count in range(
-            1, int(bound_s * auv.speed_mps / scenario.region.cell_m * (1 + TOLERANCE)) + 1
-        )
+        count * cell_s
+        for cell_s in cells_s
+        for count in range(1, int(bound_s / cell_s * (1 + TOLERANCE)) + 1)
     )
-    times_s = [0.0, *entries_s]
-    return times_s, [
-        100.0 * min(1.0, (starts + count) / cells_total) for count in range(len(times_s))
+    shares = [
+        100.0 * min(1.0 - 1.0 / cells_total, (starts + count) / cells_total)
+        for count in range(len(entries_s) + 1)
     ]
+    return [0.0, *entries_s, bound_s], [*shares, 100.0]
 
 
 def _rows(labels: list[str], end_s: float, legend_rows: int) -> tuple[Figure, Axes]:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import functools
 import itertools
 import json
-import math
 import random
 from collections.abc import Iterator, Mapping
 
@@ -23,7 +22,6 @@ from c3_station.summary import (
     Summary,
     check_conditions,
     failed_conditions,
-    lower_bound_s,
     summarize,
 )
 from msgs_json import codec
@@ -475,41 +473,6 @@ def test_null_figures_never_pass() -> None:
     ]
     unconditional = with_conditions(samples_lost=Limits())
     assert failed_conditions(summary_of([]), unconditional) == []
-
-
-# --- lower bound ---------------------------------------------------------------------------------
-
-
-def test_lower_bound_of_the_reference_mission() -> None:
-    assert lower_bound_s(load_scenario('ecc2009')) == 330.0  # 33 cells for the busiest AUV
-
-
-@given(
-    cols=st.integers(2, 9),
-    rows=st.integers(1, 9),
-    cell_m=st.sampled_from([0.3, 1.0, 10.0]),
-    speeds_mps=st.lists(st.sampled_from([0.1, 0.5, 1.0, 1.5, 2.7]), min_size=1, max_size=5),
-)
-def test_lower_bound_is_the_first_time_at_which_the_cells_add_up(
-    cols: int, rows: int, cell_m: float, speeds_mps: list[float]
-) -> None:
-    content = json.loads(scenario_json(load_scenario('minimal')))
-    content['region'] = {'cols': cols, 'rows': rows, 'cell_m': cell_m}
-    content['auvs'] = [
-        {'name': f'auv_{number}', 'speed_mps': speed, 'initial_path': [[0, 0], [1, 0]]}
-        for number, speed in enumerate(speeds_mps)
-    ]
-    scenario = msgspec.json.decode(json.dumps(content), type=Scenario)
-    cells = cols * rows - 1
-    times_s = sorted(
-        count * cell_m / speed for speed in speeds_mps for count in range(1, cells + 1)
-    )
-    first_s = next(
-        time_s
-        for time_s in times_s
-        if sum(math.floor(time_s * v / cell_m * (1 + 1e-9)) for v in speeds_mps) >= cells
-    )
-    assert lower_bound_s(scenario) == pytest.approx(first_s)
 
 
 # --- whole missions ------------------------------------------------------------------------------

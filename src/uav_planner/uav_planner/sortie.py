@@ -266,7 +266,7 @@ def ticks_between_each(
     mission: MissionSpec, start_m: NDArray[np.complex128], end_m: NDArray[np.complex128] | complex
 ) -> NDArray[np.float64]:
     """Return `hop_ticks` between many points, east + i north, in the shape they broadcast to."""
-    return _whole_ticks_of_each(np.abs(end_m - start_m) / mission.step_m)
+    return whole_ticks_of_each(np.abs(end_m - start_m) / mission.step_m)
 
 
 def _centres_m(mission: MissionSpec, tracks: NDArray[np.intp]) -> NDArray[np.complex128]:
@@ -289,7 +289,7 @@ def _clear_each(
     way_m = centre_m - at_m
     distance_m = np.abs(way_m)
     is_far = distance_m > edge_m
-    more = _whole_ticks_of_each((distance_m - range_m) / step_m)
+    more = whole_ticks_of_each((distance_m - range_m) / step_m)
     more += distance_m - more * step_m > edge_m
     more *= is_far
     # Where it is not far nothing is added, whatever it is divided by.
@@ -323,7 +323,7 @@ def _clear(
         yield at_m, ticks
 
 
-def _whole_ticks_of_each(ticks: NDArray[np.float64]) -> NDArray[np.float64]:
+def whole_ticks_of_each(ticks: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return `whole_ticks` of every element."""
     return np.ceil(ticks - TOLERANCE * np.maximum(1.0, np.abs(ticks)))
 
