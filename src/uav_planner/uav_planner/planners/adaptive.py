@@ -1,0 +1,306 @@
+"""Whole-mission tours, flown ahead in the planner, from the paths with which L can be kept."""
+
+from __future__ import annotations
+
+import enum
+import functools
+import itertools
+import math
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from uav_planner.guarantee import GuaranteedPaths, guaranteed_sortie
+from uav_planner.mission_rollout import Cooling
+from uav_planner.planners.robust import RobustPlanner
+from uav_planner.planning import LookAhead, Prospect
+from uav_planner.tours import TourProblem, carried_on, improved, lanes, warm_up
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from msgs_json.geometry import Cell, Point
+    from uav_planner.mission_rollout import CellTours
+    from uav_planner.planning import (
+        MissionSpec,
+        PlanRequest,
+        PlanResult,
+        SortiePlan,
+        SortieRequest,
+        SurveyLeg,
+    )
+    from uav_planner.sortie import Route
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Work:
+    """How much work planning is, counted, not timed."""
+
+    changes_per_cell: int
+    """Changes tried, before take-off, to make tours short and of equal length; per cell ..."""
+    start_slices: int
+    """... in all slices together, for several such starts where they are few ..."""
+    flown_starts: int
+    """... of which so many of the best are improved by flying them ..."""
+    flown_slices: int
+    """... in so many slices each ..."""
+    slice_meetings: int
+    """... with so many meetings in a slice."""
+    meetings_in_flight: int
+    """Meetings flown when one path is planned."""
+
+
+class Effort(enum.Enum):
+    """How thoroughly to plan."""
+
+    MINIMAL = 'minimal'
+    FAST = 'fast'
+    NORMAL = 'normal'
+    THOROUGH = 'thorough'
+
+
+WORK = {
+    Effort.MINIMAL: Work(
+        changes_per_cell=50,
+        start_slices=1,
+        flown_starts=1,
+        flown_slices=1,
+        slice_meetings=3_000,
+        meetings_in_flight=500,
+    ),
+    Effort.FAST: Work(
+        changes_per_cell=500,
+        start_slices=4,
+        flown_starts=1,
+        flown_slices=4,
+        slice_meetings=50_000,
+        meetings_in_flight=5_000,
+    ),
+    Effort.NORMAL: Work(
+        changes_per_cell=500,
+        start_slices=12,
+        flown_starts=2,
+        flown_slices=10,
+        slice_meetings=100_000,
+        meetings_in_flight=25_000,
+    ),
+    Effort.THOROUGH: Work(
+        changes_per_cell=500,
+        start_slices=24,
+        flown_starts=4,
+        flown_slices=40,
+        slice_meetings=100_000,
+        meetings_in_flight=75_000,
+    ),
+}
+
+START_SLICES_MAX = 10
+"""A start takes no more slices than this."""
+SLICE_CHANGES = 50_000
+SLICE_CELLS = 40_000_000
+"""Changes tried in a slice, and cells moved by them, at most: less than a second."""
+
+START_WARMTHS = (10.0, 5.0, 2.5, 1.25)
+"""Starts differ in how much disorder they begin with."""
+START_COOLNESS = 0.1
+GROUND_COOLING = (6.0, 0.3)
+FLIGHT_COOLING = (2.0, 0.3)
+"""Ticks by which flown tours may be worse, at the beginning and at the end of improving them."""
+
+TO_THE_END = 1_000_000
+"""More sorties than any mission has."""
+
+
+class AdaptivePlanner:
+    """
+    Plans tours of all AUVs to the end of the mission and cuts the next path from them.
+
+    Parameters
+    ----------
+    effort
+        How thoroughly.
+
+    """
+
+    guarantees_limit = True
+
+    def __init__(self, *, effort: Effort = Effort.NORMAL) -> None:
+        self._work = WORK[effort]
+        self._leg_planner = RobustPlanner()
+        warm_up()
+
+    def look_ahead(self, request: SortieRequest) -> Iterator[LookAhead]:
+        """
+        Plan tours of all AUVs from their initial paths to the end of the mission.
+
+        First many sets of tours that are short and of equal length, then the best of them better
+        by flying them.
+        """
+        if request.values is None:
+            return
+        legs = request.legs
+        if not all(leg.search for leg in legs):
+            legs = _with_searches(legs, guaranteed_sortie(request).route)
+        notes = _notes(request.mission, legs, request.values.tobytes(), request.now_s, self._work)
+        if not notes:
+            problem = TourProblem(
+                mission=request.mission,
+                legs=legs,
+                values=request.values.copy(),
+                now_s=request.now_s,
+                position=request.mission.c3,
+            )
+            for ahead in _look_ahead(problem, self._work):
+                yield ahead
+                notes.append(ahead)
+        else:
+            yield from notes
+
+    def plan_sortie(self, request: SortieRequest) -> SortiePlan:
+        """
+        Lay the route of the next sortie; leave so that its worst case is at most L.
+
+        Raises
+        ------
+        ValueError
+            L cannot be kept from the beginning.
+
+        """
+        return replace(guaranteed_sortie(request), tours=request.tours)
+
+    def plan_path(self, request: PlanRequest) -> PlanResult:
+        """
+        Choose the longest allowed part of the tour that the AUV should make from here.
+
+        Raises
+        ------
+        ValueError
+            The AUV has no leg among those of the request.
+
+        """
+        guaranteed = GuaranteedPaths(request)
+        problem = TourProblem(
+            mission=request.mission,
+            legs=tuple(
+                leg
+                for leg in request.legs
+                if leg.auv == request.auv or leg.prospect is not Prospect.ASTRAY
+            ),
+            values=request.values,
+            now_s=request.now_s,
+            position=request.position or request.mission.c3,
+            met=request.auv,
+            cell=request.cell,
+            behind=request.behind,
+        )
+        tours = carried_on(problem, request.tours)
+        if tours.cells.size == 0:
+            return guaranteed.plan(None)
+        cooling = Cooling(_flights(problem, self._work.meetings_in_flight), *FLIGHT_COOLING)
+        tours = improved(problem, tours, TO_THE_END, cooling, np.random.default_rng(0)).best
+        path = _next_path(problem, tours, guaranteed)
+        plan = guaranteed.plan(path) if path else self._leg_planner.plan_path(request)
+        return replace(plan, tours=problem.named(tours))
+
+
+def _look_ahead(problem: TourProblem, work: Work) -> Iterator[LookAhead]:
+    """Yield the tours planned so far, slice by slice."""
+    first = lanes(problem)
+    cells = first.cells.size
+    if cells == 0:
+        return
+    changes_max = max(1, min(SLICE_CHANGES, SLICE_CELLS // cells))
+    slices_each = min(START_SLICES_MAX, -(-work.changes_per_cell * cells // changes_max))
+    changes = min(changes_max, work.changes_per_cell * cells // slices_each)
+    starts = max(1, work.start_slices // slices_each)
+    flown_starts = min(starts, work.flown_starts)
+    slices = starts * slices_each + flown_starts * work.flown_slices
+    done = 0
+    best_cost, best = math.inf, first
+    found: list[tuple[float, int, CellTours]] = []
+    for start in range(starts):
+        rng = np.random.default_rng(start)
+        schedule = _schedule(
+            START_WARMTHS[start % len(START_WARMTHS)], START_COOLNESS, changes, slices_each
+        )
+        tours = best_start = first
+        length = math.inf
+        for cooling in schedule:
+            tours, candidate, cost = improved(problem, tours, 0, cooling, rng)
+            if cost < length:
+                length, best_start = cost, candidate
+            done += 1
+            yield LookAhead(share=done / slices, tours=problem.named(best))
+        cost = improved(problem, best_start, TO_THE_END, Cooling(1, 1.0, 1.0), rng).cost
+        found.append((cost, start, best_start))
+        best_cost, _, best = min(found)
+    for _, start, tours in sorted(found)[:flown_starts]:
+        rng = np.random.default_rng(start)
+        flights = _flights(problem, work.slice_meetings)
+        for cooling in _schedule(*GROUND_COOLING, flights, work.flown_slices):
+            tours, candidate, cost = improved(problem, tours, TO_THE_END, cooling, rng)
+            if cost < best_cost:
+                best_cost, best = cost, candidate
+            done += 1
+            yield LookAhead(share=done / slices, tours=problem.named(best))
+
+
+def _schedule(warmth: float, coolness: float, tries: int, slices: int) -> list[Cooling]:
+    """Return one cooling cut into slices."""
+    steps = np.geomspace(warmth, coolness, slices + 1).tolist()
+    return [Cooling(tries, *pair) for pair in itertools.pairwise(steps)]
+
+
+@functools.lru_cache(maxsize=16)
+def _notes(
+    mission: MissionSpec, legs: tuple[SurveyLeg, ...], values: bytes, now_s: float, work: Work
+) -> list[LookAhead]:
+    """Return what was planned for the same mission: those that differ only in chance share it."""
+    return []
+
+
+def _flights(problem: TourProblem, meetings: int) -> int:
+    """Return how many missions can be flown to their end with a number of meetings."""
+    cells, auvs = int((problem.values == 1.0).sum()), len(problem.legs)
+    each = auvs + cells // problem.mission.path_cells
+    return max(20, meetings // each)
+
+
+def _next_path(
+    problem: TourProblem, tours: CellTours, guaranteed: GuaranteedPaths
+) -> tuple[Cell, ...] | None:
+    """Return the longest allowed path along a tour, None if none is."""
+    path = problem.path_along(tours)
+    while len(path) > problem.mission.min_path_cells:
+        if guaranteed.allows(path):
+            return path
+        path = path[:-1]
+    return None
+
+
+def _with_searches(legs: tuple[SurveyLeg, ...], route: Route) -> tuple[SurveyLeg, ...]:
+    """Return legs with the searches of a route."""
+    searches: dict[str, list[Point]] = {}
+    for waypoint in route:
+        searches.setdefault(waypoint.auv, []).append(waypoint.point)
+    return tuple(replace(leg, search=tuple(searches[leg.auv])) for leg in legs)
+
+
+def make_adaptive(*, effort: str = Effort.NORMAL.value) -> AdaptivePlanner:
+    """
+    Plan whole missions ahead, and keep L whatever the AUVs do.
+
+    Options are as in scenario files: ``effort``, 'fast', 'normal' or 'thorough'.
+
+    Raises
+    ------
+    ValueError
+        There is no such effort.
+
+    """
+    try:
+        return AdaptivePlanner(effort=Effort(effort))
+    except ValueError:
+        allowed = ', '.join(each.value for each in Effort)
+        raise ValueError(f"effort must be one of {allowed}, not '{effort}'") from None

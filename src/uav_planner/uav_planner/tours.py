@@ -1,0 +1,369 @@
+"""Tours: the cells that each AUV is still to enter, in order, as whole-mission plans know them."""
+
+from __future__ import annotations
+
+import functools
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+from scipy.optimize import linear_sum_assignment
+from scipy.sparse import csr_array
+from scipy.sparse.csgraph import dijkstra
+
+from msgs_json.geometry import GridSpec, Point, whole_ticks
+from uav_planner.mission_rollout import (
+    CellTours,
+    Cooling,
+    Legs,
+    Position,
+    Sea,
+    Weights,
+    anneal,
+    walk_on,
+)
+from uav_planner.planning import MissionSpec, Prospect, SurveyLeg
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import NDArray
+
+    from msgs_json.geometry import Cell
+    from uav_planner.planning import Tours
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class TourProblem:
+    """
+    Which tours should the AUVs make from now on.
+
+    Parameters
+    ----------
+    mission
+        What stays the same.
+    legs
+        The AUVs for which tours are sought, in visiting order.
+    values
+        Exploration map, shape (rows, cols), `[row, col]`; what is 1 is still to be entered.
+    now_s
+        Time of planning.
+    position
+        Where the UAV is.
+    met
+        The AUV that is being met; None at C3.
+    cell, behind
+        Where that AUV is, as in `PlanRequest`.
+
+    """
+
+    mission: MissionSpec
+    legs: tuple[SurveyLeg, ...]
+    values: NDArray[np.float64]
+    now_s: float
+    position: Point
+    met: str | None = None
+    cell: Cell | None = None
+    behind: Cell | None = None
+
+    @property
+    def first(self) -> int:
+        """Return the index of the AUV that is being met, -1 if none."""
+        return next((at for at, leg in enumerate(self.legs) if leg.auv == self.met), -1)
+
+    def sea(self) -> Sea:
+        """Return the mission as compiled code takes it."""
+        mission = self.mission
+        next_cell, moves_between = ways(mission.grid)
+        row, col = np.divmod(np.arange(self.values.size), mission.grid.cols)
+        return Sea(
+            col=col,
+            row=row,
+            centre_m=(col + 0.5 + 1j * (row + 0.5)).astype(np.complex128) * mission.grid.cell_m,
+            range_m=mission.radio_range_m,
+            step_m=mission.step_m,
+            c3_m=complex(mission.c3.east_m, mission.c3.north_m),
+            limit=mission.limit_ticks,
+            handover=mission.handover_ticks,
+            margin=whole_ticks(mission.surface_margin_s / mission.tick_s),
+            moves_max=mission.path_cells,
+            moves_min=mission.min_path_cells,
+            next_cell=next_cell,
+            moves_between=moves_between,
+        )
+
+    def state(self) -> Legs:
+        """Return the AUVs as compiled code takes them."""
+        mission, auvs = self.mission, len(self.legs)
+        cells = max(mission.path_cells, *(len(leg.path) for leg in self.legs)) + 2
+        waypoints = max(cells, *(len(leg.search) for leg in self.legs))
+        tracks = np.zeros((auvs, cells), np.int64)
+        searches = np.zeros((auvs, waypoints), np.complex128)
+        sizes, lengths = np.zeros(auvs, np.int64), np.zeros(auvs, np.int64)
+        for at, leg in enumerate(self.legs):
+            track = self._track(leg)
+            sizes[at], lengths[at] = len(track), len(leg.search)
+            tracks[at, : len(track)] = [self.number(cell) for cell in track]
+            searches[at, : len(leg.search)] = [
+                complex(point.east_m, point.north_m) for point in leg.search
+            ]
+        return Legs(
+            tracks=tracks,
+            sizes=sizes,
+            deadlines=np.array(
+                [
+                    0 if leg.auv == self.met else self._ticks(leg.surface_deadline_s)
+                    for leg in self.legs
+                ]
+            ),
+            searches=searches,
+            lengths=lengths,
+            to_meet=np.array([leg.prospect is Prospect.ENDS for leg in self.legs]),
+            begun=np.zeros(auvs, np.int64),
+            ticks_per_cell=np.array(
+                [mission.grid.cell_m / leg.speed_mps / mission.tick_s for leg in self.legs]
+            ),
+            entered=(self.values < 1.0).ravel(),
+        )
+
+    def uav(self) -> Position:
+        """Return where the UAV is as compiled code takes it."""
+        return Position(
+            at_m=complex(self.position.east_m, self.position.north_m),
+            met=self.first,
+            behind=-1 if self.behind is None else self.number(self.behind),
+        )
+
+    def path_along(self, tours: CellTours) -> tuple[Cell, ...]:
+        """Return the path of at most q moves along the tour of the AUV that is being met."""
+        state = self.state()
+        path = np.empty(state.tracks.shape[1], np.int64)
+        moves = walk_on(self.sea(), state, self.first, tour_of(tours, self.first), path)
+        return tuple(self.cell_of(number) for number in path[: moves + 1].tolist())
+
+    def named(self, tours: CellTours) -> Tours:
+        """Return tours as planners hand them on."""
+        return {
+            leg.auv: tuple(self.cell_of(number) for number in tour_of(tours, at).tolist())
+            for at, leg in enumerate(self.legs)
+        }
+
+    def cell_of(self, number: int) -> Cell:
+        """Return the cell of a number."""
+        row, col = divmod(number, self.mission.grid.cols)
+        return (col, row)
+
+    def _track(self, leg: SurveyLeg) -> tuple[Cell, ...]:
+        """Return the track of a leg; of the AUV that is being met, where it is and beside what."""
+        if leg.auv != self.met or self.cell is None:
+            return leg.track
+        if self.behind is not None:
+            return (self.cell, self.behind)
+        beside = [each for each in self.mission.grid.neighbours(self.cell) if each in leg.track]
+        return (self.cell, *beside[:1])
+
+    def number(self, cell: Cell) -> int:
+        """Return the number of a cell, row by row."""
+        return cell[1] * self.mission.grid.cols + cell[0]
+
+    def _ticks(self, time_s: float) -> int:
+        return whole_ticks((time_s - self.now_s) / self.mission.tick_s)
+
+
+def joined(tours: Sequence[Sequence[int]]) -> CellTours:
+    """Return some tours as compiled code takes them."""
+    cells = [cell for tour in tours for cell in tour]
+    ends = np.cumsum([len(tour) for tour in tours])
+    return CellTours(cells=np.array(cells, np.int64), ends=ends)
+
+
+def tour_of(tours: CellTours, auv: int) -> NDArray[np.int64]:
+    """Return the tour of one AUV."""
+    return tours.cells[tours.ends[auv - 1] if auv > 0 else 0 : tours.ends[auv]]
+
+
+class Improved(NamedTuple):
+    """What came of improving tours."""
+
+    last: CellTours
+    """Those last looked at, from which to go on."""
+    best: CellTours
+    cost: float
+    """Of the best ones, ticks."""
+
+
+def improved(
+    problem: TourProblem,
+    tours: CellTours,
+    sorties: int,
+    cooling: Cooling,
+    rng: np.random.Generator,
+) -> Improved:
+    """
+    Return better tours, found by simulated annealing.
+
+    With ``sorties`` 0 those count as better that are shorter and end together; else those with
+    which the mission, flown for so many sorties, is done sooner.
+    """
+    return Improved(
+        *anneal(
+            problem.sea(),
+            problem.state(),
+            problem.uav(),
+            tours,
+            sorties,
+            WEIGHTS,
+            cooling,
+            rng,
+        )
+    )
+
+
+WEIGHTS = Weights(late=10.0, revisit=5.0, neglect=0.5, idle=0.1)
+"""
+Ticks of the mission that a tick over L, a revisit, a tick of neglect or of idleness count.
+
+Revisits and idleness make a mission longer only when something else goes wrong, but tell tours
+apart of which neither is done sooner yet.
+"""
+
+
+def lanes(problem: TourProblem) -> CellTours:
+    """Return tours along boustrophedon lanes, cut into as many parts as there are AUVs."""
+    open_cells = problem.values == 1.0
+    cols = problem.mission.grid.cols
+    numbers = np.arange(open_cells.size).reshape(open_cells.shape)
+    by_row = [line[::-1] if at % 2 else line for at, line in enumerate(numbers)]
+    by_col = [line[::-1] if at % 2 else line for at, line in enumerate(numbers.T)]
+    starts = problem.state().tracks[:, 0]
+    candidates = []
+    for lines in (by_row, by_col):
+        order = np.concatenate(lines)
+        parts = np.array_split(order[open_cells.ravel()[order]], len(problem.legs))
+        candidates.append(_assigned(parts, starts, cols))
+    return min(candidates, key=lambda each: each[0])[1]
+
+
+def _assigned(
+    parts: list[NDArray[np.int64]], starts: NDArray[np.int64], cols: int
+) -> tuple[float, CellTours]:
+    """Return parts as tours of the AUVs for which they begin nearest, and how far that is."""
+
+    def moves(cells: list[np.int64], others: NDArray[np.int64]) -> NDArray[np.int64]:
+        col, row = np.array(cells).reshape(-1, 1) % cols, np.array(cells).reshape(-1, 1) // cols
+        away: NDArray[np.int64] = abs(col - others % cols) + abs(row - others // cols)
+        return away
+
+    full = [part for part in parts if part.size > 0]
+    if not full:
+        return 0.0, joined([() for _ in starts])
+    at_heads = moves([part[0] for part in full], starts)
+    at_tails = moves([part[-1] for part in full], starts)
+    which, whose = linear_sum_assignment(np.minimum(at_heads, at_tails))
+    tours: list[list[int]] = [[] for _ in starts]
+    total = 0.0
+    for part, auv in zip(which, whose, strict=True):
+        is_turned = at_tails[part, auv] < at_heads[part, auv]
+        tours[auv] = (full[part][::-1] if is_turned else full[part]).tolist()
+        total += min(at_tails[part, auv], at_heads[part, auv])
+    return total, joined(tours)
+
+
+def carried_on(problem: TourProblem, tours: Tours) -> CellTours:
+    """
+    Return the tours that were planned before, as they are to go on.
+
+    What was entered since is left out. What nobody is to enter any more (an AUV surfaced early,
+    or is lost) is put where it makes tours the least longer; what the AUV that is being met did
+    not reach of its leg, at the head of its tour.
+    """
+    cols = problem.mission.grid.cols
+    is_open = (problem.values == 1.0).ravel()
+    seen = ~is_open
+    carried: list[list[int]] = []
+    for at, leg in enumerate(problem.legs):
+        missed = leg.path if at == problem.first else ()
+        tour = []
+        for cell in (*missed, *tours.get(leg.auv, ())):
+            number = problem.number(cell)
+            if not seen[number]:
+                seen[number] = True
+                tour.append(number)
+        carried.append(tour)
+    starts = problem.state().tracks[:, 0]
+    for orphan in np.flatnonzero(~seen).tolist():
+        _insert(orphan, carried, starts, cols)
+    return joined(carried)
+
+
+def _insert(cell: int, tours: list[list[int]], starts: NDArray[np.int64], cols: int) -> None:
+    """Put a cell where it makes a tour the least longer."""
+    best, best_place = math.inf, (0, 0)
+    for auv, tour in enumerate(tours):
+        way = np.array([starts[auv], *tour])
+        away = abs(way % cols - cell % cols) + abs(way // cols - cell // cols)
+        hops = abs(np.diff(way % cols)) + abs(np.diff(way // cols))
+        more = away.astype(np.float64)
+        more[:-1] += away[1:] - hops
+        place = int(more.argmin())
+        if more[place] < best:
+            best, best_place = more[place], (auv, place)
+    auv, place = best_place
+    tours[auv].insert(place, cell)
+
+
+@functools.lru_cache(maxsize=4)
+def ways(grid: GridSpec) -> tuple[NDArray[np.int16], NDArray[np.int16]]:
+    """
+    Return the way from every cell to every other around what is masked.
+
+    The next cell on it and its moves, both of shape (cells, cells); (0, 0) where nothing is
+    masked, since every way is straight then.
+    """
+    if not grid.masked:
+        nothing = np.zeros((0, 0), np.int16)
+        return nothing, nothing
+    size = grid.cols * grid.rows
+    pairs = [
+        (row * grid.cols + col, beside[1] * grid.cols + beside[0])
+        for col, row in grid.cells
+        for beside in grid.neighbours((col, row))
+    ]
+    here, there = np.array(pairs).T
+    graph = csr_array((np.ones(len(pairs)), (here, there)), shape=(size, size))
+    moves, before = dijkstra(graph, unweighted=True, return_predecessors=True)
+    moves[np.isinf(moves)] = 0.0
+    # What comes last on the way back is the next on the way there.
+    return before.T.astype(np.int16), moves.astype(np.int16)
+
+
+@functools.cache
+def warm_up() -> None:
+    """Have everything compiled, or loaded from where it was compiled before."""
+    mission = MissionSpec(
+        grid=GridSpec(cols=2, rows=2, cell_m=1.0),
+        c3=Point(east_m=0.0, north_m=0.0),
+        radio_range_m=1.0,
+        uav_speed_mps=1.0,
+        tick_s=1.0,
+        sortie_limit_s=60.0,
+        path_cells=1,
+        min_path_cells=1,
+    )
+    leg = SurveyLeg(
+        auv='auv_1', path=((0, 0), (1, 0)), surface_deadline_s=1.0, search=(mission.c3,)
+    )
+    values = np.array([[0.5, 0.5], [1.0, 1.0]])
+    problem = TourProblem(
+        mission=mission,
+        legs=(leg,),
+        values=values,
+        now_s=0.0,
+        position=mission.c3,
+        met='auv_1',
+        cell=(1, 0),
+    )
+    tours = lanes(problem)
+    improved(problem, tours, 1, Cooling(2, 1.0, 1.0), np.random.default_rng(0))
+    problem.path_along(tours)
