@@ -98,6 +98,9 @@ class Guarded(AgentShell):
     def receive(self, data: bytes, now_s: float) -> list[Frame]:
         return self._guarded.receive(data, now_s)
 
+    def work(self, now_s: float) -> list[Frame]:
+        return self._guarded.work(now_s)
+
 
 @dataclass(slots=True)
 class Log:

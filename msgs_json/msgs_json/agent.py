@@ -8,7 +8,7 @@ or the in-process kernel carries them. Its vehicle, if it has one, is behind a d
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, Protocol, runtime_checkable
 
 import msgspec
 
@@ -73,4 +73,21 @@ class Agent(Protocol):
 
     def receive(self, src: str, message: Message, now_s: float) -> list[Output]:
         """Act on a message heard at ``now_s``."""
+        ...
+
+
+@runtime_checkable
+class Worker(Protocol):
+    """
+    What an agent has, too, if something that it is told may make many seconds of work.
+
+    The work is done in slices, one after another within the tick, and between them the agent is
+    asked nothing else. So time stands still for it, but whoever waits can see that it goes on.
+    """
+
+    is_busy: bool
+    """Whether there is work left to do."""
+
+    def work(self, now_s: float) -> list[Output]:
+        """Do one slice, of at most a second or so of wall time."""
         ...

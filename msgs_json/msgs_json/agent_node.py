@@ -81,6 +81,7 @@ class AgentNode(HostedNode):
                     f' --ros-args -r __ns:={kind.namespace})'
                 )
         self._agent = GuardedAgent(shell, self.log.error)
+        self._work: Callable[[], list[Frame]] = lambda: self._agent.work(self._now_s())
         if self.get_parameter('use_sim_time').value:
             self._join_lockstep()
         else:
@@ -92,6 +93,13 @@ class AgentNode(HostedNode):
         for frame in frames:
             self._topic_publishers[frame.topic.name].publish(to_cdr(frame.message))
 
+    def _carry_on(self, frames: Iterable[Frame]) -> None:
+        """Publish what came of a tick or a message, and let the agent do what that began."""
+        self.publish(frames)
+        # Nothing else is handled until it is done: whatever comes meanwhile comes after it.
+        while self._agent.is_busy and not self.is_told_to_end():
+            self.publish(self._work())
+
     def close(self) -> None:
         """Tell what was refused and what failed."""
         refused = sum(self.refusals.counts.values())
@@ -102,10 +110,10 @@ class AgentNode(HostedNode):
     # --- real time -------------------------------------------------------------------------------
 
     def _tick_now(self) -> None:
-        self.publish(self._agent.tick(self._now_s()))
+        self._carry_on(self._agent.tick(self._now_s()))
 
     def _hear(self, data: bytes) -> None:
-        self.publish(self._agent.receive(data, self._now_s()))
+        self._carry_on(self._agent.receive(data, self._now_s()))
 
     def _now_s(self) -> float:
         return self.get_clock().now().nanoseconds / NANOSECONDS
@@ -114,6 +122,7 @@ class AgentNode(HostedNode):
 
     def _join_lockstep(self) -> None:
         client = AgentClient(self._agent)
+        self._work = client.work
 
         # A tick brings its time with it, and nothing here runs on the node's own clock. To set
         # that from /clock would cost more than the tick itself.
@@ -122,10 +131,10 @@ class AgentNode(HostedNode):
                 self.destroy_subscription(subscription)
 
         def on_tick(message: tuple[str, Tick]) -> None:
-            self.publish(client.tick(message[1]))
+            self._carry_on(client.tick(message[1]))
 
         def on_heard(data: bytes) -> None:
-            self.publish(client.hear(data))
+            self._carry_on(client.hear(data))
 
         def on_go(message: tuple[str, Go]) -> None:
             self.publish(client.go(message[1]))

@@ -7,7 +7,7 @@ from collections import Counter
 import msgspec
 
 from msgs_json import codec
-from msgs_json.agent import Agent, Log, Output, Publish, Refuse, Transmit
+from msgs_json.agent import Agent, Log, Output, Publish, Refuse, Transmit, Worker
 from msgs_json.codec import MessageError, Refusal
 from msgs_json.messages import RADIO_MESSAGES, Event, Message, MessageRefused
 from msgs_json.ros_messages import RosMessage, Text
@@ -60,7 +60,13 @@ class AgentShell:
     def __init__(self, agent: Agent) -> None:
         self.agent = agent
         self.refused: Counter[tuple[str, Refusal]] = Counter()
+        self._worker = agent if isinstance(agent, Worker) else None
         self._speaker = Speaker(agent.name)
+
+    @property
+    def is_busy(self) -> bool:
+        """Return whether the agent has work left to do before anything else is asked of it."""
+        return self._worker is not None and self._worker.is_busy
 
     def tick(self, now_s: float) -> list[Frame]:
         """Tick the agent."""
@@ -74,6 +80,10 @@ class AgentShell:
             refused = Refuse(error.sender, error.refusal, error.detail)
             return self._frames([refused], now_s)
         return self._frames(self.agent.receive(src, message, now_s), now_s)
+
+    def work(self, now_s: float) -> list[Frame]:
+        """Let the agent do a slice of its work, if it has any."""
+        return self._frames(self._worker.work(now_s), now_s) if self._worker is not None else []
 
     def _admit(self, data: bytes) -> tuple[str, Message]:
         envelope = codec.open_envelope(data)

@@ -34,6 +34,11 @@ class GuardedAgent:
         """Return whether the agent's part of the mission is over."""
         return self._shell.agent.finished
 
+    @property
+    def is_busy(self) -> bool:
+        """Return whether the agent has work left to do before anything else is asked of it."""
+        return self._shell.is_busy
+
     def tick(self, now_s: float) -> list[Frame]:
         """Tick the agent; nothing comes of it where its vehicle fails."""
         try:
@@ -52,6 +57,10 @@ class GuardedAgent:
         except DriverError as error:
             self._fail(error)
             return []
+
+    def work(self, now_s: float) -> list[Frame]:
+        """Let the agent do a slice of its work; its vehicle has no part in it."""
+        return self._shell.work(now_s)
 
     def _fail(self, error: DriverError) -> None:
         self.driver_failures += 1

@@ -95,6 +95,8 @@ class HostedNode(Node):
         )
         self.on_end: Callable[[NodeExit], None]
         """To be called when the node's work is over; set by `run`."""
+        self.is_told_to_end: Callable[[], bool]
+        """Whether a signal has come, for callbacks that take long; set by `run`."""
         self.log = self.get_logger()  # type: ignore[no-untyped-call]
         self.refusals = Refusals(self.log.warning)
 
@@ -194,6 +196,7 @@ def run(make_nodes: Callable[[], Sequence[HostedNode]]) -> int:
         nodes = make_nodes()
         for node in nodes:
             node.on_end = finish
+            node.is_told_to_end = lambda: bool(signals)
             executor.add_node(node)
         # Python runs its signal handlers only when it runs anything at all.
         nodes[0].every(_PULSE_S, look_for_signals)

@@ -25,7 +25,8 @@ class AgentClient:
     """
     Ticks an agent as the world says, and counts what it has worked off and sent.
 
-    Each method returns what is to be published, in order.
+    Each method returns what is to be published, in order. While the agent is busy after one of
+    them, `work` is to be called before any other.
     """
 
     def __init__(self, agent: GuardedAgent) -> None:
@@ -41,6 +42,11 @@ class AgentClient:
     def hello(self) -> Frame:
         """Return the hello; all publishers and subscriptions must exist."""
         return self._speaker.frame(WORLD_HELLO, Hello(kind=NodeKind.AGENT), 0.0)
+
+    @property
+    def is_busy(self) -> bool:
+        """Return whether the agent has work left to do."""
+        return self._agent.is_busy
 
     def go(self, go: Go) -> list[Frame]:
         """
@@ -87,6 +93,12 @@ class AgentClient:
         self._received += self._can_be_delivered(data)
         return [*frames, *self._done(self._tick)]
 
+    def work(self) -> list[Frame]:
+        """Let the agent do a slice of its work; the world hears that it goes on, or is over."""
+        if self._tick is None:
+            return []
+        return [*self._counted(self._agent.work(self._tick.time_s)), *self._done(self._tick)]
+
     def _can_be_delivered(self, data: bytes) -> bool:
         """
         Return whether the world can have delivered this.
@@ -116,6 +128,7 @@ class AgentClient:
             sent=self._sent,
             published=self._published,
             finished=self._agent.finished,
+            busy=self._agent.is_busy,
         )
         return [self._speaker.frame(WORLD_DONE, done, tick.time_s)]
 

@@ -26,6 +26,7 @@ Name = Annotated[
     ),
 ]
 Seconds = Annotated[float, msgspec.Meta(ge=0, le=1e11, extra_json_schema={'x-unit': 's'})]
+Share = Annotated[float, msgspec.Meta(ge=0, le=1)]
 SpeedMps = Annotated[float, msgspec.Meta(gt=0, le=1000, extra_json_schema={'x-unit': 'm/s'})]
 Count = Annotated[int, msgspec.Meta(ge=0, le=2**53)]
 Path = Annotated[
@@ -367,6 +368,13 @@ class StayedUp(Event, frozen=True):
     reason: RecoveryReason
 
 
+class PlanningAhead(Event, frozen=True):
+    """UAV: has come further with the plan of the whole mission, which it makes before take-off."""
+
+    share: Share
+    """Of the work that is done."""
+
+
 class SortieDeparted(Event, frozen=True):
     """UAV: left C3, or met an AUV while still there."""
 
@@ -474,6 +482,7 @@ MissionEvent = (
     | Surfaced
     | Dived
     | StayedUp
+    | PlanningAhead
     | SortieDeparted
     | Met
     | Missed
@@ -528,7 +537,11 @@ class Tick(Message, frozen=True):
 
 
 class Done(Message, frozen=True):
-    """A node has worked off a tick and everything delivered to it so far (cumulative counts)."""
+    """
+    A node has worked off a tick and everything delivered to it so far (cumulative counts).
+
+    Or it is still at it, and says that it is alive.
+    """
 
     tick: Count
     received: Count
@@ -539,6 +552,8 @@ class Done(Message, frozen=True):
     """Messages published on recorded topics, ``radio/tx`` included."""
     finished: bool
     """The agent's part of the mission is over; C3's ends the mission."""
+    busy: bool = False
+    """More is to come of this tick: the world has to wait, however long it takes."""
 
 
 LOCKSTEP_MESSAGES: tuple[type[Message], ...] = (Hello, Go, Ready, Tick, Done)

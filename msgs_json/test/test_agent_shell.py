@@ -67,6 +67,25 @@ class ScriptedAgent:
         return self.says
 
 
+class HardWorker(ScriptedAgent):
+    """Has work to do once it was ticked, and says as much in every slice."""
+
+    is_busy = False
+
+    def __init__(self, *says: Output, slices: int) -> None:
+        super().__init__(*says)
+        self.slices = slices
+
+    def tick(self, now_s: float) -> list[Output]:
+        self.is_busy = True
+        return super().tick(now_s)
+
+    def work(self, now_s: float) -> list[Output]:
+        self.slices -= 1
+        self.is_busy = self.slices > 0
+        return self.says
+
+
 def sent(
     body: Message = ACKNOWLEDGEMENT, *, src: str = 'uav', dst: str = 'auv_1', seq: int = 0
 ) -> bytes:
@@ -115,6 +134,22 @@ def test_frames_keep_the_order_of_what_was_said_and_are_counted_per_topic() -> N
     frames = [*shell.tick(3.0), *shell.tick(4.0)]
     assert [frame.topic for frame in frames] == [*(RADIO_TX, MISSION_EVENTS, RADIO_TX)] * 2
     assert [opened(frame)[1].seq for frame in frames] == [0, 0, 1, 2, 1, 3]
+
+
+def test_what_is_said_in_slices_of_work_is_counted_on() -> None:
+    shell = AgentShell(HardWorker(Transmit('uav', ACKNOWLEDGEMENT), slices=2))
+    assert not shell.is_busy
+    frames = shell.tick(3.0)
+    while shell.is_busy:
+        frames += shell.work(3.0)
+    assert [opened(frame)[1].seq for frame in frames] == [0, 1, 2]
+
+
+def test_an_agent_without_such_work_is_never_busy() -> None:
+    shell = AgentShell(ScriptedAgent(Transmit('uav', ACKNOWLEDGEMENT)))
+    shell.tick(3.0)
+    assert not shell.is_busy
+    assert shell.work(3.0) == []
 
 
 def test_a_speaker_counts_from_zero_on_every_topic() -> None:

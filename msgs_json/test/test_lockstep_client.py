@@ -7,7 +7,7 @@ from msgs_json.drivers import VehicleUnavailableError
 from msgs_json.geometry import Point
 from msgs_json.guarded_agent import GuardedAgent
 from msgs_json.lockstep_client import AgentClient
-from msgs_json.messages import Acknowledged, Acknowledgement, Done, Message, Tick
+from msgs_json.messages import Acknowledged, Acknowledgement, Done, Go, Message, Tick
 from msgs_json.ros_messages import Odometry, Text
 from msgs_json.topics import ODOM, RADIO_TX, WORLD_DONE
 
@@ -41,6 +41,22 @@ class LateVehicle:
 
     def receive(self, src: str, message: Message, now_s: float) -> list[Output]:
         raise VehicleUnavailableError('no pose any more')
+
+
+class HardWorker(LateVehicle):
+    """Answers what it hears in slices."""
+
+    is_busy = False
+    slices = 3
+
+    def receive(self, src: str, message: Message, now_s: float) -> list[Output]:
+        self.is_busy = True
+        return [Transmit('uav', WORD)]
+
+    def work(self, now_s: float) -> list[Output]:
+        self.slices -= 1
+        self.is_busy = self.slices > 0
+        return [Transmit('uav', WORD)]
 
 
 def client_of(agent: LateVehicle) -> AgentClient:
@@ -107,3 +123,28 @@ def test_a_vehicle_that_fails_at_a_message_does_not_repeat_its_tick() -> None:
     assert topics(client.hear(heard())) == [WORLD_DONE.name]
     assert topics(client.tick(tick(0))) == [WORLD_DONE.name]
     assert agent.ticks == [0.0]
+
+
+def test_a_busy_agent_says_so_after_every_slice_until_its_work_is_done() -> None:
+    client = client_of(HardWorker(failures=0))
+    client.go(Go(nodes=('uav', 'auv_1')))
+    assert not done(client.tick(tick(0))).busy
+    answers = [client.hear(heard())]
+    while client.is_busy:
+        answers.append(client.work())
+    assert [topics(answer) for answer in answers] == [[RADIO_TX.name, WORLD_DONE.name]] * 4
+    assert [done(answer).busy for answer in answers] == [True, True, True, False]
+    # Whatever is sent meanwhile is counted, and so is what the work began with.
+    assert [done(answer).sent for answer in answers] == [2, 3, 4, 5]
+    assert {done(answer).received for answer in answers} == {1}
+
+
+def test_a_tick_that_is_repeated_to_a_busy_agent_is_not_over() -> None:
+    agent = HardWorker(failures=0)
+    client = client_of(agent)
+    client.tick(tick(0))
+    client.hear(heard())
+    again = client.tick(tick(0))
+    assert topics(again) == [WORLD_DONE.name]
+    assert done(again).busy
+    assert (agent.ticks, agent.slices) == ([0.0], 3)

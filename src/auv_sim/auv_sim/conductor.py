@@ -5,8 +5,9 @@ The order of everything that matters is the kernel's: all agents tick; then the 
 each gated in agent order, until nobody says anything more; then the next tick. Messages may arrive
 in any order between topics, so nothing is concluded from arrival: `Done` says how many messages an
 agent has sent and worked off, and the conductor waits until as many have arrived here, and as many
-were delivered. What somebody else puts on an agent's topics is gated like the rest but does not
-count, since it does not continue the agent's sequence.
+were delivered. An agent whose `Done` says that it is busy is not silent, however long it takes.
+What somebody else puts on an agent's topics is gated like the rest but does not count, since it
+does not continue the agent's sequence.
 """
 
 from __future__ import annotations
@@ -213,6 +214,9 @@ class Conductor:
             raise _not_expected(src, 'a node', self._nodes)
         if done.tick != self._tick.tick or self.phase is not Phase.WORKING:
             return []  # the answer to a tick that was sent again
+        if done.busy:
+            self._silent_nudges = 0
+            return []
         before = agent.done
         if done.received < before.received or done.sent < before.sent:
             raise MessageError(

@@ -2,12 +2,13 @@
 Runs a mission in one process: the same agents as the nodes, in the same order, without ROS.
 
 The order within a tick is that of lockstep: all agents tick; then the radio in rounds, each round
-gated in agent order, until nobody says anything more.
+gated in agent order, until nobody says anything more. An agent that is busy with what it was told
+gets all of it done before anything else happens.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 
 from auv_sim.world import HARD_STOP, WORLD, World
 from msgs_json.agent_shell import AgentShell, Frame
@@ -37,19 +38,31 @@ def _run_tick(world: World, agents: Mapping[str, AgentShell], sink: Sink) -> Non
     sink(WORLD, world.clock())
     said: list[tuple[str, bytes]] = []
     for name in world.order:
-        said += _carry(name, agents[name].tick(now_s), world, sink)
+        agent = agents[name]
+        said += _carry(name, _worked_off(agent, agent.tick(now_s), now_s), world, sink)
     while said:
         heard = world.gate(said)
         said = []
         answers: dict[str, list[tuple[str, bytes]]] = {name: [] for name, _ in heard}
         for name, payload in heard:
             sink(name, Frame(RADIO_RX, Text(payload)))
-            answers[name] += _carry(name, agents[name].receive(payload, now_s), world, sink)
+            agent = agents[name]
+            frames = _worked_off(agent, agent.receive(payload, now_s), now_s)
+            answers[name] += _carry(name, frames, world, sink)
         for name in world.order:
             said += answers.get(name, ())
 
 
-def _carry(name: str, frames: list[Frame], world: World, sink: Sink) -> list[tuple[str, bytes]]:
+def _worked_off(agent: AgentShell, frames: list[Frame], now_s: float) -> Iterator[Frame]:
+    """Yield what came of a tick or a message, and of the work that this began, as it is done."""
+    yield from frames
+    while agent.is_busy:
+        yield from agent.work(now_s)
+
+
+def _carry(
+    name: str, frames: Iterable[Frame], world: World, sink: Sink
+) -> list[tuple[str, bytes]]:
     """Pass an agent's frames on; return what it says by radio."""
     said = []
     for frame in frames:

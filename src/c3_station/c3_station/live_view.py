@@ -76,7 +76,10 @@ class LiveView:
         text = Text.assemble(('UAV   ', _UAV_COLOUR))
         sortie = mission.sortie
         if sortie is None:
-            text.append(mission.ended or 'at C3, waiting for the next departure')
+            doing = 'waiting for the next departure'
+            if mission.planned_share is not None:
+                doing = f'planning ahead {mission.planned_share:.0%}'
+            text.append(mission.ended or f'at C3, {doing}')
             return text
         flown_s = mission.now_s - sortie.departed_s
         late = sortie.worst_case_s > sortie.limit_s

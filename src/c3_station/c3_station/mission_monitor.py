@@ -24,6 +24,7 @@ from msgs_json.messages import (
     Missed,
     MissionCompleted,
     MissionStopped,
+    PlanningAhead,
     RecoveryReason,
     SamplesDelivered,
     SearchBrokenOff,
@@ -98,6 +99,8 @@ class MissionMonitor:
         self.entered: set[Cell] = set()
         self.explored_s: float | None = None
         self.cells_delivered = 0
+        self.planned_share: float | None = None
+        """How much of the whole mission is planned; None while that is not being done."""
         self.sortie: SortieView | None = None
         self.sorties_flown = 0
         self.longest_sortie_s = 0.0
@@ -120,7 +123,9 @@ class MissionMonitor:
                 self._log_entry(data)
 
     def _clock(self, now_s: float) -> None:
-        """Take the simulated time; it never goes back."""
+        """Take the simulated time; it never goes back, and stands still for planning ahead."""
+        if now_s > self.now_s:
+            self.planned_share = None
         self.now_s, self.ticking = max(self.now_s, now_s), True
 
     def _odometry(self, name: str, odometry: Odometry) -> None:
@@ -175,6 +180,9 @@ class MissionMonitor:
                 auv.surfaced_s = stamp_s
                 auv.asked_for_help |= outcome is LegOutcome.ABORTED
                 return f'surfaced at {_cell(cell)}, {outcome.value}'
+            case PlanningAhead(share=share):
+                self.planned_share = share
+                return 'has planned the whole mission ahead' if share == 1.0 else None
             case SortieDeparted():
                 self.sortie = SortieView(
                     number=event.sortie,

@@ -26,6 +26,8 @@ from c3_station.scenario_files import scenario_json
 from c3_station.summary import Summary, failed_conditions
 
 _FRAMES_PER_S = 8
+_TOLD_EVERY_S = 5.0
+"""So often a log file is told how far planning ahead has come, wall seconds."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -161,14 +163,20 @@ def _seconds(time_s: float | None) -> str:
 def _live(
     console: Console, monitor: MissionMonitor, title: str, look_for_interrupt: Callable[[], None]
 ) -> Iterator[Callable[[], None]]:
-    """Show the mission while it runs; a terminal sees it move, a log file its end only."""
+    """
+    Show the mission while it runs.
+
+    A terminal sees it move. A log file gets its end only, but is told of planning ahead: for many
+    seconds nothing else may happen.
+    """
     view = LiveView(monitor, title)
     shown_s = began_s = monotonic()
+    told_s = began_s - _TOLD_EVERY_S
 
     with Live(view, console=console, auto_refresh=False) as live:
 
         def refresh() -> None:
-            nonlocal shown_s, began_s
+            nonlocal shown_s, began_s, told_s
             look_for_interrupt()
             now_s = monotonic()
             if not monitor.ticking:
@@ -178,6 +186,10 @@ def _live(
             if now_s - shown_s >= 1.0 / _FRAMES_PER_S:
                 shown_s = now_s
                 live.refresh()
+            share = monitor.planned_share
+            if share is not None and not console.is_terminal and now_s - told_s >= _TOLD_EVERY_S:
+                told_s = now_s
+                console.print(f'planning ahead {share:.0%}', highlight=False)
 
         yield refresh
     if not console.is_terminal:

@@ -16,6 +16,7 @@ from c3_station.run_folder import RunFolder
 from c3_station.scenario import Scenario
 from msgs_json.agent_shell import Frame
 from msgs_json.ros_messages import ClockTime, nanoseconds, to_cdr
+from msgs_json.topics import MISSION_EVENTS
 
 _LOOK_EVERY_S = 0.1
 
@@ -66,7 +67,9 @@ class _Sink:
         self._writer = writer
         self._rate = rate
         self._refresh = refresh
-        self._began_s = monotonic()
+        self._due_s = monotonic()
+        """Wall time of the tick at `_time_s`."""
+        self._time_s = 0.0
         self._pause = Pause()
 
     def __call__(self, name: str, frame: Frame) -> None:
@@ -76,7 +79,7 @@ class _Sink:
         if isinstance(message, ClockTime):
             self._keep_pace(message.time_s)
         self._monitor.message(topic, message)
-        if isinstance(message, ClockTime):
+        if isinstance(message, ClockTime) or frame.topic is MISSION_EVENTS:
             self._refresh()
         if self._writer is not None:
             cdr = to_cdr(message)
@@ -88,7 +91,10 @@ class _Sink:
     def _keep_pace(self, time_s: float) -> None:
         if self._rate == 0:
             return
-        due_s = self._began_s + time_s / self._rate
-        while (early_s := due_s - monotonic()) > 0:
+        # What a tick took too long is not made up for, as little as between nodes: after many
+        # seconds of planning ahead nobody could follow.
+        self._due_s = max(self._due_s + (time_s - self._time_s) / self._rate, monotonic())
+        self._time_s = time_s
+        while (early_s := self._due_s - monotonic()) > 0:
             self._pause.wait(min(early_s, _LOOK_EVERY_S))
             self._refresh()

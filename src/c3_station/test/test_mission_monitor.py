@@ -27,13 +27,14 @@ from msgs_json.messages import (
     MissionCompleted,
     MissionState,
     MissionStatus,
+    PlanningAhead,
     RecoveryReason,
     SearchBrokenOff,
     SortieDeparted,
     StayedUp,
     Surfaced,
 )
-from msgs_json.ros_messages import Text
+from msgs_json.ros_messages import ClockTime, Text
 from msgs_json.topics import MISSION_EVENTS, MISSION_STATUS
 
 
@@ -159,6 +160,19 @@ class Log:
         with console.capture() as capture:
             console.print(LiveView(self.monitor, 'ecc2009'))
         return capture.get()
+
+
+def test_the_view_shows_how_far_planning_ahead_has_come_while_time_stands_still() -> None:
+    log = Log()
+    assert 'UAV   at C3, waiting for the next departure' in log.shown()
+    assert log.add('uav', 0.0, PlanningAhead(share=0.0)) is None
+    assert 'UAV   at C3, planning ahead 0%' in log.shown()
+    assert log.add('uav', 0.0, PlanningAhead(share=0.4)) is None
+    assert 'UAV   at C3, planning ahead 40%' in log.shown(60)
+    told = log.add('uav', 0.0, PlanningAhead(share=1.0))
+    assert told == 'has planned the whole mission ahead'
+    log.monitor.message('/clock', ClockTime(time_s=1.0))
+    assert 'UAV   at C3, waiting for the next departure' in log.shown()
 
 
 def test_the_uav_looks_for_the_next_one_after_it_searched_in_vain() -> None:
