@@ -1,20 +1,14 @@
-"""
-Two ways to run a mission, one mission: every message on every topic is the same, byte for byte.
-
-Within one tick different nodes may log in any order; there is no order between publishers in ROS.
-So the log is compared sorted; every other topic has one publisher and is compared as recorded.
-"""
+"""Two ways to run a mission, one mission: every message on every topic is the same."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
 import pytest
+from bag_contents import recorded
 
-from c3_station.bag import BagReader
 from c3_station.cli import main
 from c3_station.exit_codes import ExitCode
-from msgs_json.topics import MISSION_EVENTS
 
 UNCERTAIN = """
 name: uncertain
@@ -37,16 +31,6 @@ tick_s: 0.5
 seed: 11
 max_mission_s: 1500
 """
-
-
-def recorded(bag: Path) -> dict[str, list[tuple[int, bytes]]]:
-    """Return time and bytes of every message, by topic."""
-    topics: dict[str, list[tuple[int, bytes]]] = {}
-    with BagReader(bag) as reader:
-        for message in reader.messages():
-            topics.setdefault(message.topic, []).append((message.log_time_ns, message.cdr))
-    topics[MISSION_EVENTS.name].sort()
-    return topics
 
 
 def flown(scenario: str, out: Path, *options: str) -> dict[str, list[tuple[int, bytes]]]:

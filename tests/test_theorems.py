@@ -16,7 +16,7 @@ from __future__ import annotations
 import itertools
 import math
 from collections import deque
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field, replace
 
 import hypothesis.strategies as st
@@ -53,6 +53,7 @@ from uav_planner.mission_order import UavSetup
 from uav_planner.oracle_boards import legs_of
 from uav_planner.planners import PLANNERS, make_planner
 from uav_planner.planning import (
+    LookAhead,
     MissionSpec,
     Planner,
     PlanRequest,
@@ -368,6 +369,9 @@ class HeldToItsPromise:
 
     def plan_sortie(self, request: SortieRequest) -> SortiePlan:
         return self._planner.plan_sortie(request)
+
+    def look_ahead(self, request: SortieRequest) -> Iterator[LookAhead]:
+        return self._planner.look_ahead(request)
 
 
 def check_path(request: PlanRequest, path: tuple[Cell, ...]) -> None:

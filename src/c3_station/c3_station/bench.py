@@ -37,7 +37,7 @@ from msgs_json.agent_shell import Frame
 from msgs_json.topics import CLOCK
 from uav_planner.planners.ecc2009 import Ecc2009Planner
 from uav_planner.planners.ecc2009_oracle import plan_path_by_enumeration
-from uav_planner.planning import PlanRequest, PlanResult, SortiePlan, SortieRequest
+from uav_planner.planning import PlanRequest, PlanResult
 
 _REPEATS = 5
 _FLEET_AUVS = 50
@@ -199,23 +199,17 @@ def _fleet_scenario() -> Scenario:
 # --- (c) planning --------------------------------------------------------------------------------
 
 
-class _Notebook:
+class _Notebook(Ecc2009Planner):
     """Plans as ecc2009 does and keeps every request."""
 
-    guarantees_limit = Ecc2009Planner.guarantees_limit
-
     def __init__(self) -> None:
-        self._planner = Ecc2009Planner()
+        super().__init__()
         self.requests: list[PlanRequest] = []
 
     def plan_path(self, request: PlanRequest) -> PlanResult:
         """Keep the request, with a copy of the map, which goes on changing."""
         self.requests.append(replace(request, values=request.values.copy()))
-        return self._planner.plan_path(request)
-
-    def plan_sortie(self, request: SortieRequest) -> SortiePlan:
-        """Plan a sortie."""
-        return self._planner.plan_sortie(request)
+        return super().plan_path(request)
 
 
 def _planning(console: Console) -> Iterator[Figure]:

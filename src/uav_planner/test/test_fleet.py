@@ -25,7 +25,6 @@ from uav_planner.fleet import Fleet
 from uav_planner.hand_over import HAND_OVER_TICKS
 from uav_planner.mission_order import mission_spec
 from uav_planner.planning import PlanRequest, PlanResult, PlanStatus, Prospect
-from uav_planner.sortie import lay_route
 
 
 def fleet_of(planner: OneStep, **changes: object) -> Fleet:
@@ -37,7 +36,7 @@ def met(fleet: Fleet, heard: SurfacingReport, now_s: float = 0.0) -> Leg | None:
     """Let an AUV be met; return the leg that it is given."""
     fleet.heard(heard)
     assert fleet.problem_with(heard) is None
-    fleet.meet(heard, (), now_s)
+    fleet.meet(heard, (), heard.position, now_s)
     return fleet.next_leg(heard.auv)
 
 
@@ -70,18 +69,17 @@ def prospects(fleet: Fleet, to_meet: tuple[str, ...]) -> list[Prospect]:
 def test_legs_are_told_with_the_waypoints_from_which_they_are_searched() -> None:
     fleet = fleet_of(OneStep())
     assert [leg.search for leg in fleet.survey_legs()] == [(), ()]
-    route = lay_route(mission_spec(order(), SETUP), fleet.survey_legs())
-    fleet.lay_searches(route)
+    plan = fleet.plan_sortie(frozenset(), 0.0)
     assert [point for leg in fleet.survey_legs() for point in leg.search] == [
-        waypoint.point for waypoint in route
+        waypoint.point for waypoint in plan.route
     ]
 
 
 def test_custody_of_a_legs_samples_is_taken_once() -> None:
     fleet = fleet_of(OneStep())
     heard = report('auv_1')
-    assert fleet.meet(heard, (), 0.0).samples == heard.samples
-    assert fleet.meet(heard, (), 1.0).samples == ()
+    assert fleet.meet(heard, (), heard.position, 0.0).samples == heard.samples
+    assert fleet.meet(heard, (), heard.position, 1.0).samples == ()
 
 
 @pytest.mark.parametrize(

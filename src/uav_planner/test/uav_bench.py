@@ -57,7 +57,7 @@ BOTH_KINDS = pytest.mark.parametrize(
 """Of planners."""
 
 
-class OneStep:
+class OneStep(Planner):
     """Plans sorties as ECC 2009 does; every path is one cell to the east, or to the west."""
 
     def __init__(self, *, guarantees_limit: bool = False) -> None:

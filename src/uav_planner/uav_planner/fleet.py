@@ -27,14 +27,15 @@ from uav_planner.planning import (
     PlanRequest,
     PlanResult,
     Prospect,
+    SortieRequest,
     SurveyLeg,
 )
 
 if TYPE_CHECKING:
-    from collections.abc import Container
+    from collections.abc import Container, Iterator
 
     from msgs_json.messages import MissionOrder
-    from uav_planner.sortie import Route
+    from uav_planner.planning import SortiePlan, Tours
 
 
 @dataclass(slots=True, kw_only=True)
@@ -91,7 +92,6 @@ class Fleet:
         self.names = frozenset(auv.name for auv in order.auvs)
         self.mission = mission
         self._planner = planner
-        self._surface_margin_s = order.surface_margin_s
         self._lost_after_sorties = order.lost_after_sorties
         self._patience_s = max(HAND_OVER_TICKS * mission.tick_s, mission.handover_s)
         self._map = ExplorationMap(order.region, [auv.leg.path[0] for auv in order.auvs])
@@ -100,6 +100,7 @@ class Fleet:
             self._claim(auv, auv.leg.path)
         self._hand_overs: dict[str, HandOver] = {}
         """By AUV, until it acknowledges or reports from its next leg."""
+        self._tours: Tours = {}
 
     # --- who and where ---------------------------------------------------------------------------
 
@@ -123,6 +124,7 @@ class Fleet:
                 behind=auv.behind,
                 search=auv.search,
                 prospect=self._prospect(name, to_meet),
+                speed_mps=auv.speed_mps,
             )
             for name, auv in self._auvs.items()
             if not (auv.recovered or auv.lost)
@@ -137,10 +139,37 @@ class Fleet:
 
     # --- searches --------------------------------------------------------------------------------
 
-    def lay_searches(self, route: Route) -> None:
-        """Note from where a sortie searches the legs of those it goes to."""
-        for name, waypoints in itertools.groupby(route, key=lambda each: each.auv):
+    def plan_sortie(self, overlooked: frozenset[str], now_s: float) -> SortiePlan:
+        """
+        Return the next sortie and note from where it searches the legs of those it goes to.
+
+        Raises
+        ------
+        ValueError
+            The planner cannot plan this mission.
+
+        """
+        plan = self._planner.plan_sortie(self._sortie_request(overlooked, now_s))
+        self._tours = plan.tours
+        for name, waypoints in itertools.groupby(plan.route, key=lambda each: each.auv):
             self._auvs[name].search = tuple(waypoint.point for waypoint in waypoints)
+        return plan
+
+    def look_ahead(self, now_s: float) -> Iterator[float]:
+        """Let the planner plan the whole mission; yield the share that is done, slice by slice."""
+        for ahead in self._planner.look_ahead(self._sortie_request(frozenset(), now_s)):
+            self._tours = ahead.tours
+            yield ahead.share
+
+    def _sortie_request(self, overlooked: frozenset[str], now_s: float) -> SortieRequest:
+        return SortieRequest(
+            mission=self.mission,
+            legs=self.survey_legs(),
+            overlooked=overlooked,
+            now_s=now_s,
+            values=self._map.values,
+            tours=self._tours,
+        )
 
     def searched_in_vain(self, name: str) -> bool:
         """Count a search of an AUV; return whether it is given up, after so many."""
@@ -172,11 +201,14 @@ class Fleet:
             return unanswered.problem_with(report)
         return problem_with_report(report, self._auvs[report.auv].leg, self.mission.grid)
 
-    def meet(self, report: SurfacingReport, to_meet: Container[str], now_s: float) -> Encounter:
+    def meet(
+        self, report: SurfacingReport, to_meet: Container[str], position: Point, now_s: float
+    ) -> Encounter:
         """
         Take over what an AUV did and choose its next path, or the same again if it lies there yet.
 
-        ``to_meet`` are the AUVs that the sortie may still meet, this one included.
+        ``to_meet`` are the AUVs that the sortie may still meet, this one included; ``position`` is
+        where the UAV is.
         """
         auv = self._auvs[report.auv]
         was_lost, was_astray = auv.lost, auv.searches_in_vain > 0
@@ -187,7 +219,7 @@ class Fleet:
         # The same path again, unless the others were given theirs without a thought of it.
         if plan is None or was_astray:
             self._release(auv)
-            plan = self._plan_path(report, to_meet, now_s)
+            plan = self._plan_path(report, to_meet, position, now_s)
         self._hand_overs[report.auv] = self._hand_over(report, plan, now_s)
         answer = self.answer(report, now_s)
         return Encounter(samples=samples, plan=plan, was_lost=was_lost, answer=answer)
@@ -215,7 +247,7 @@ class Fleet:
         )
 
     def _plan_path(
-        self, report: SurfacingReport, to_meet: Container[str], now_s: float
+        self, report: SurfacingReport, to_meet: Container[str], position: Point, now_s: float
     ) -> PlanResult | None:
         """Return an AUV's next path, already noted on the map; None where none is needed."""
         if self._map.is_explored or report.outcome is LegOutcome.ABORTED:
@@ -231,8 +263,11 @@ class Fleet:
                 behind=behind,
                 legs=self.survey_legs(to_meet),
                 now_s=now_s,
+                position=position,
+                tours=self._tours,
             )
         )
+        self._tours = plan.tours
         self._claim(auv, plan.path)
         auv.behind, auv.search = behind, plan.search
         return plan
@@ -276,7 +311,7 @@ class Fleet:
                 now_s,
                 hand_over.way_m,
                 auv.speed_mps,
-                self._surface_margin_s,
+                self.mission.surface_margin_s,
                 self.mission.tick_s,
             ),
         )

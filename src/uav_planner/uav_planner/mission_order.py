@@ -65,4 +65,5 @@ def mission_spec(order: MissionOrder, setup: UavSetup) -> MissionSpec:
         path_cells=order.path_cells,
         min_path_cells=order.min_path_cells,
         handover_s=order.handover_s,
+        surface_margin_s=order.surface_margin_s,
     )

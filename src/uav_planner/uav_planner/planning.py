@@ -8,12 +8,15 @@ mutate nothing they are given.
 from __future__ import annotations
 
 import enum
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Protocol
 
 from msgs_json.geometry import Cell, GridSpec, Point, whole_ticks
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
     import numpy as np
     from numpy.typing import NDArray
 
@@ -40,6 +43,8 @@ class MissionSpec:
     """Moves of the shortest path that may be handed over [Delta], >= 1."""
     handover_s: float = 0.0
     """Kept free in a sortie for each AUV met, seconds."""
+    surface_margin_s: float = 0.0
+    """How much later than at nominal speed an AUV may surface, seconds; part of `S_i`."""
 
     @property
     def step_m(self) -> float:
@@ -55,6 +60,15 @@ class MissionSpec:
     def handover_ticks(self) -> int:
         """Return the time kept free for each AUV met in whole ticks, rounded up."""
         return whole_ticks(self.handover_s / self.tick_s)
+
+
+Tours = Mapping[str, tuple[Cell, ...]]
+"""
+By AUV, the cells that it is still to enter after its present leg, in order.
+
+What a planner that looks beyond one leg has in mind, empty otherwise. It gets back what it
+returned last.
+"""
 
 
 class Prospect(enum.Enum):
@@ -82,6 +96,8 @@ class SurveyLeg:
     search: tuple[Point, ...] = ()
     """The waypoints from which the leg is cleared, in order; empty where none are laid yet."""
     prospect: Prospect = Prospect.ENDS
+    speed_mps: float = 1.0
+    """Of the AUV under water."""
 
     @property
     def track(self) -> tuple[Cell, ...]:
@@ -114,6 +130,10 @@ class PlanRequest:
     Those met earlier in this sortie have their new leg here already, the others their present one.
     """
     now_s: float
+    position: Point | None = None
+    """Where the UAV is, if that is known."""
+    tours: Tours = field(default_factory=dict)
+    """What the planner had in mind when it planned last."""
 
 
 class PlanStatus(enum.Enum):
@@ -140,6 +160,7 @@ class PlanResult:
     """The planner's own figure for the next sortie with this path, seconds [T_j]."""
     search: tuple[Point, ...] = ()
     """The waypoints with which the limit is guaranteed; empty from a planner without one."""
+    tours: Tours = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -152,6 +173,10 @@ class SortieRequest:
     overlooked: frozenset[str] = frozenset()
     """AUVs that the sortie before did not reach: they are to come first."""
     now_s: float
+    values: NDArray[np.float64] | None = None
+    """Exploration map as in `PlanRequest`, for a planner that looks ahead."""
+    tours: Tours = field(default_factory=dict)
+    """What the planner had in mind when it planned last."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -165,10 +190,25 @@ class SortiePlan:
     """The planner's own figure for the duration of the sortie, seconds [T_j]."""
     worst_case_s: float
     """The whole list flown from `depart_s`, waits for every surface deadline included, seconds."""
+    tours: Tours = field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LookAhead:
+    """How far a planner has come with the whole mission, before take-off."""
+
+    share: float
+    """Of the work that is done, 0 to 1."""
+    tours: Tours
+    """The best so far."""
 
 
 class Planner(Protocol):
-    """A way to choose paths and sorties. Implementations are registered in `planners`."""
+    """
+    A way to choose paths and sorties. Implementations are registered in `planners`.
+
+    Those that do not look ahead inherit from it, and with that the default of `look_ahead`.
+    """
 
     guarantees_limit: bool
     """
@@ -193,3 +233,12 @@ class Planner(Protocol):
 
         """
         ...
+
+    def look_ahead(self, request: SortieRequest) -> Iterator[LookAhead]:
+        """
+        Plan the whole mission on the ground, after its first sortie was planned.
+
+        It does that slice by slice, each at most a second or so long, and yields after each. There
+        is nothing to yield where a planner goes from leg to leg.
+        """
+        return iter(())

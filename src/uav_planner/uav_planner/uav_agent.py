@@ -21,6 +21,7 @@ from msgs_json.messages import (
     Met,
     Missed,
     MissionOrder,
+    PlanningAhead,
     RelayedSample,
     SearchBrokenOff,
     SortieDeparted,
@@ -34,10 +35,12 @@ from msgs_json.topics import ODOM, ROUTE
 from uav_planner.fleet import Fleet
 from uav_planner.headway import Headway
 from uav_planner.mission_order import UavSetup, mission_spec, problem_with_order
-from uav_planner.planning import MissionSpec, Planner, Prospect, SortieRequest
+from uav_planner.planning import MissionSpec, Planner, Prospect
 from uav_planner.sortie import search_times_s, worst_case_s
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
     from msgs_json.drivers import UavDriver
     from uav_planner.planning import SortiePlan
     from uav_planner.sortie import Route
@@ -105,6 +108,7 @@ class UavAgent:
         self.name = name
         self.peers = frozenset({setup.c3})
         self.finished = False
+        self.is_busy = False
         self._setup = setup
         self._planner = planner
         self._driver = driver
@@ -114,6 +118,8 @@ class UavAgent:
         """None before the order."""
         self._sortie: _Sortie | None = None
         """The one being flown, or waiting at C3 for its departure."""
+        self._look_ahead: Iterator[float] = iter(())
+        """Plans the whole mission before the first one."""
         self._headway = Headway(setup.speed_mps * setup.tick_s)
         self._untold: list[Output] = []
         """What was decided and not said: the vehicle may fail between the two."""
@@ -155,6 +161,12 @@ class UavAgent:
                 detail = f'the UAV takes no {type(message).__name__} from {src}'
                 return [Refuse(src, Refusal.UNEXPECTED, detail)]
 
+    def work(self, now_s: float) -> list[Output]:
+        """Plan the whole mission ahead, one slice further."""
+        share = next(self._look_ahead, None)
+        self.is_busy = share is not None
+        return [Log(PlanningAhead(share=round(share, 2)), now_s)] if share is not None else []
+
     # --- the order -------------------------------------------------------------------------------
 
     def _ordered(self, order: MissionOrder) -> list[Output]:
@@ -172,6 +184,7 @@ class UavAgent:
         except ValueError as error:
             return [Refuse(self._setup.c3, Refusal.NOT_POSSIBLE, str(error))]
         self._fleet = fleet
+        self._look_ahead, self.is_busy = fleet.look_ahead(self._now_s), True
         self.peers = frozenset({self._setup.c3, *fleet.names})
         return [acknowledgement]
 
@@ -185,10 +198,7 @@ class UavAgent:
         if before is not None and all(leg.prospect is Prospect.ASTRAY for leg in legs):
             # To search them again at once would tell nothing new, and soon give them up.
             now_s = max(now_s, before.back_by_s)
-        plan = self._planner.plan_sortie(
-            SortieRequest(mission=fleet.mission, legs=legs, overlooked=overlooked, now_s=now_s)
-        )
-        fleet.lay_searches(plan.route)
+        plan = fleet.plan_sortie(overlooked, now_s)
         return _Sortie(
             fleet=fleet,
             number=before.number + 1 if before is not None else 1,
@@ -404,7 +414,8 @@ class UavAgent:
         problem = fleet.problem_with(report)
         if problem:
             return [Refuse(auv, Refusal.CONTRADICTORY, problem)]
-        encounter = fleet.meet(report, sortie.to_meet, self._now_s)
+        position = self._position or fleet.mission.c3
+        encounter = fleet.meet(report, sortie.to_meet, position, self._now_s)
         for sample in encounter.samples:
             self._cargo[auv, sample.number] = RelayedSample(auv=auv, sample=sample)
         output: list[Output] = []

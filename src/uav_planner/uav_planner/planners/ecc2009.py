@@ -15,7 +15,7 @@ from uav_planner.candidate_paths import (
     walk_table,
 )
 from uav_planner.path_choice import best_path
-from uav_planner.planning import PlanResult, PlanStatus, Prospect, SortiePlan
+from uav_planner.planning import Planner, PlanResult, PlanStatus, Prospect, SortiePlan
 from uav_planner.sortie import (
     Flown,
     clear_track,
@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     from uav_planner.planning import MissionSpec, PlanRequest, SortieRequest, SurveyLeg
 
 
-class Ecc2009Planner:
+class Ecc2009Planner(Planner):
     """
     Algorithm 1 of ECC 2009: the best path that keeps the next sortie's flight time within L.
 

@@ -14,7 +14,7 @@ from uav_planner.candidate_paths import (
     walk_table,
 )
 from uav_planner.guarantee import GuaranteedPaths, guaranteed_sortie
-from uav_planner.planning import PlanResult, PlanStatus, Prospect
+from uav_planner.planning import Planner, PlanResult, PlanStatus, Prospect
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -47,7 +47,7 @@ BLOCKS = (64, 256, 1024)
 """So many paths are looked at at once, best first: often a few are enough."""
 
 
-class RobustPlanner:
+class RobustPlanner(Planner):
     """
     ECC 2009's values and straightness with the guaranteed set in the place of its prediction.
 
