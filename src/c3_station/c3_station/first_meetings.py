@@ -31,7 +31,7 @@ _SUBSETS_TRIED = 16
 """With more AUVs the order is not searched at all."""
 _WORK = 3e7
 """Sums in the search over orders: a few tenths of a second."""
-_FINEST = 8
+_FINEST = 6
 """Squares along a disc's diameter, if there are few AUVs."""
 
 
