@@ -254,7 +254,7 @@ def test_the_method_quotes_the_ensemble_as_it_is() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize('planner', PLANNERS)
+@pytest.mark.parametrize('planner', ['ecc2009', 'robust'])  # those that ask for a tie order
 def test_the_planners_are_compared_by_what_they_flew(planner: str) -> None:
     flown = ensemble(planner)
     row = f'| `{planner}` | {flown.documented} | {flown.explored} | {flown.late} |'

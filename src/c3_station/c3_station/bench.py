@@ -12,6 +12,7 @@ import statistics
 import tempfile
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from time import perf_counter
 
@@ -23,6 +24,7 @@ from c3_station.bag import BagReader
 from c3_station.bare_barrier_node import bare_ticks_per_s
 from c3_station.bench_campaign import missions_per_s
 from c3_station.bench_guarantee import print_refusals
+from c3_station.bench_planners import PlannersOptions, bench_planners
 from c3_station.bench_ties import print_ties
 from c3_station.exit_codes import ExitCode
 from c3_station.flight import Flight
@@ -56,27 +58,36 @@ class Figure:
     """Whether the aim is met; None where there is none."""
 
 
-def run_benchmarks(names: Sequence[str], console: Console) -> ExitCode:
+def run_benchmarks(
+    names: Sequence[str], console: Console, planners: PlannersOptions | None = None
+) -> ExitCode:
     """
     Run benchmarks by name (all but those on request if none is named) and print a table.
+
+    ``planners`` are the options of the benchmark of that name.
 
     Raises
     ------
     ValueError
-        There is no benchmark of that name.
+        There is no benchmark of that name, or it cannot be run with these options.
 
     """
     for name in names:
         if name not in BENCHMARKS:
             raise ValueError(f'bench: no benchmark {name!r}; there are {", ".join(BENCHMARKS)}')
     chosen = names or [name for name in BENCHMARKS if name not in ON_REQUEST]
+    benchmarks = dict(BENCHMARKS)
+    if planners is not None:
+        if 'planners' not in chosen:
+            raise ValueError('bench: these options are for the benchmark planners; name it, too')
+        benchmarks['planners'] = partial(_planners, planners)
     missed = False
     for name in chosen:
         table = Table(title=name, title_justify='left', box=None, padding=(0, 3, 0, 0))
         for column in ('figure', 'measured', 'aim', ''):
             table.add_column(column, justify='left')
         with console.status(f'bench {name} ...'):
-            figures = list(BENCHMARKS[name](console))
+            figures = list(benchmarks[name](console))
         for figure in figures:
             verdict = {None: '', True: 'met', False: '[bold red]missed[/]'}[figure.met]
             table.add_row(figure.what, figure.value, figure.aim, verdict)
@@ -262,6 +273,11 @@ def _guarantee(console: Console) -> Iterator[Figure]:
     yield from ()
 
 
+def _planners(options: PlannersOptions, console: Console) -> Iterator[Figure]:
+    bench_planners(options, console)
+    yield from ()
+
+
 BENCHMARKS: Mapping[str, Callable[[Console], Iterator[Figure]]] = {
     'mission': _mission_speed,
     'lockstep': _lockstep,
@@ -269,6 +285,7 @@ BENCHMARKS: Mapping[str, Callable[[Console], Iterator[Figure]]] = {
     'campaign': _campaign,
     'ties': _ties,
     'guarantee': _guarantee,
+    'planners': partial(_planners, PlannersOptions()),
 }
-ON_REQUEST = ('ties', 'guarantee')
+ON_REQUEST = ('ties', 'guarantee', 'planners')
 """Those that are run only if they are named: they take minutes."""

@@ -36,8 +36,8 @@ if TYPE_CHECKING:
     from c3_station.campaign_groups import Group, Metric, Section
     from c3_station.campaign_statistics import Spread
 
-_COLOURS = (BLUE, ORANGE, GREEN, PURPLE, SKY, VERMILLION)
-_MARKERS = ('o', 's', 'D', '^', 'v', 'P')
+COLOURS = (BLUE, ORANGE, GREEN, PURPLE, SKY, VERMILLION)
+MARKERS = ('o', 's', 'D', '^', 'v', 'P')
 _LABEL_CHARACTERS = 26
 """A variation's name is broken into lines of this length, to leave room for the figure."""
 
@@ -160,7 +160,7 @@ def draw_tightness(section: Section) -> Figure | None:
                 weights=np.full(ratios.size, 100.0 / ratios.size),
                 histtype='step',
                 lw=1.6,
-                color=_COLOURS[number % len(_COLOURS)],
+                color=COLOURS[number % len(COLOURS)],
                 ls='-' if number % 2 == 0 else '--',
                 label=f'{planner}: {ratios.size:,} sorties, at most {ratios.max():.4f}',
             )
@@ -206,8 +206,8 @@ def _row(group: Group, section: Section, planners: Sequence[str]) -> _Row:
     return _Row(
         y=section.variations.index(group.variation) + place * step,
         group=group,
-        colour=_COLOURS[number % len(_COLOURS)],
-        marker=_MARKERS[number % len(_MARKERS)],
+        colour=COLOURS[number % len(COLOURS)],
+        marker=MARKERS[number % len(MARKERS)],
     )
 
 

@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from c3_station.campaign_plan import MissionJob
     from c3_station.scenario import Scenario
     from c3_station.summary import Summary
+    from uav_planner.planning import Planner
 
 
 class MissionExit(enum.Enum):
@@ -121,14 +122,18 @@ def _own_software() -> str:
     return this_software()
 
 
-def fly_mission(job: MissionJob) -> MissionResult:
-    """Fly one mission; whatever goes wrong in it is a result."""
+def fly_mission(job: MissionJob, planner: Planner | None = None) -> MissionResult:
+    """
+    Fly one mission; whatever goes wrong in it is a result.
+
+    A planner that is given flies instead of the one that the scenario names.
+    """
     scenario = job.scenario
     summarizer = Summarizer()
     failure = None
     began_s = perf_counter()
     try:
-        fly(scenario, summarizer.frame)
+        fly(scenario, summarizer.frame, planner)
     except Exception as error:
         # A campaign looks for failures, those of our own code too.
         failure = _text(error)

@@ -62,10 +62,11 @@ class ProcessPool:
         self._executor.shutdown(cancel_futures=True)
 
     def _new_executor(self) -> ProcessPoolExecutor:
-        return ProcessPoolExecutor(self._workers, self._context, initializer=_start_worker)
+        return ProcessPoolExecutor(self._workers, self._context, initializer=start_worker)
 
 
-def _start_worker() -> None:
+def start_worker() -> None:
+    """Prepare a process that flies missions: it ends with the one that started it, not before."""
     # Ctrl-C in a terminal is sent to every process; the one that flies the campaign ends us.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     Thread(target=_end_with_parent, daemon=True).start()

@@ -367,14 +367,31 @@ def _bench_options(parser: argparse.ArgumentParser) -> None:
         'benchmark',
         nargs='*',
         metavar='BENCHMARK',
-        help=f'any of {", ".join(BENCHMARKS)} (default: all but {" and ".join(ON_REQUEST)})',
+        help=f'any of {", ".join(BENCHMARKS)} (default: all but {", ".join(ON_REQUEST)})',
     )
+    planners = parser.add_argument_group('of the benchmark planners')
+    planners.add_argument('--families', metavar='A,B', help='families of scenarios (default: all)')
+    planners.add_argument('--planners', metavar='A,B', help='planners (default: all)')
+    planners.add_argument(
+        '--seeds', type=_count, help='missions of each family with each planner (default 3)'
+    )
+    planners.add_argument('--out', type=Path, metavar='DIR', help='folder (default: new in runs/)')
+    planners.add_argument('--processes', type=_count, help='default: one per core')
 
 
 def _bench(options: argparse.Namespace, console: Console) -> ExitCode:
     from c3_station.bench import run_benchmarks
+    from c3_station.bench_planners import PlannersOptions
 
-    return run_benchmarks(options.benchmark, console)
+    planners = PlannersOptions(
+        families=options.families and tuple(options.families.split(',')),
+        planners=options.planners and tuple(options.planners.split(',')),
+        seeds=options.seeds,
+        out=options.out,
+        processes=options.processes,
+    )
+    is_asked = planners != PlannersOptions()
+    return run_benchmarks(options.benchmark, console, planners if is_asked else None)
 
 
 _COMMANDS = {

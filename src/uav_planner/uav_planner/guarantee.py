@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from msgs_json.geometry import Cell, Point, whole_ticks, within_range
-from uav_planner.planning import Prospect, SortiePlan, track_of
+from uav_planner.planning import PlanResult, PlanStatus, Prospect, SortiePlan, track_of
 from uav_planner.sortie import (
     flight_time_s,
     hop_ticks,
@@ -105,6 +105,24 @@ class GuaranteedPaths:
     def allows(self, path: Path) -> bool:
         """Return whether a path may be handed over."""
         return self._is_within(self.offer(path))
+
+    def plan(self, path: Path | None) -> PlanResult:
+        """Return what is handed over with an allowed path; None stands for staying in place."""
+        mission = self._mission
+        offer = self.stay if path is None else self.offer(path)
+        if offer.round_ticks > mission.limit_ticks:
+            status = PlanStatus.INFEASIBLE
+        elif len(offer.path) - 1 < mission.path_cells:
+            status = PlanStatus.SHORTENED
+        else:
+            status = PlanStatus.OK
+        return PlanResult(
+            status=status,
+            path=offer.path,
+            slack_s=(mission.limit_ticks - self.others_ticks) * mission.tick_s,
+            sortie_time_s=offer.round_ticks * mission.tick_s,
+            search=offer.search,
+        )
 
     def round_ticks_each(self, tracks: NDArray[np.intp]) -> NDArray[np.float64]:
         """

@@ -7,6 +7,8 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 from uav_planner.planners.ecc2009 import make_ecc2009
+from uav_planner.planners.lanes import make_lanes
+from uav_planner.planners.random_paths import make_random
 from uav_planner.planners.robust import make_robust
 
 if TYPE_CHECKING:
@@ -15,7 +17,12 @@ if TYPE_CHECKING:
     from uav_planner.planning import Planner
 
 PLANNERS: Mapping[str, Callable[..., Planner]] = MappingProxyType(
-    {'ecc2009': make_ecc2009, 'robust': make_robust}
+    {
+        'ecc2009': make_ecc2009,
+        'robust': make_robust,
+        'lanes': make_lanes,
+        'random': make_random,
+    }
 )
 """
 Planner name, as in scenario files, to its factory.

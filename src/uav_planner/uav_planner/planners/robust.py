@@ -14,7 +14,8 @@ from uav_planner.candidate_paths import (
     walk_table,
 )
 from uav_planner.guarantee import GuaranteedPaths, guaranteed_sortie
-from uav_planner.planning import Planner, PlanResult, PlanStatus, Prospect
+from uav_planner.planning import Planner, Prospect
+from uav_planner.standstill import is_at_a_standstill
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -23,7 +24,13 @@ if TYPE_CHECKING:
 
     from msgs_json.geometry import Cell, GridSpec
     from uav_planner.candidate_paths import WalkTable
-    from uav_planner.planning import MissionSpec, PlanRequest, SortiePlan, SortieRequest
+    from uav_planner.planning import (
+        MissionSpec,
+        PlanRequest,
+        PlanResult,
+        SortiePlan,
+        SortieRequest,
+    )
 
 ROUND_COST = 3.0
 """
@@ -39,9 +46,6 @@ What each cell between a path's end and the nearest unexplored one takes off its
 
 Less than a cell visited twice is worth, so that it decides only where little is left nearby.
 """
-
-STUCK_VALUE = 0.5**4
-"""An AUV in a cell of this value or less may be one that moves to and fro for ever."""
 
 BLOCKS = (64, 256, 1024)
 """So many paths are looked at at once, best first: often a few are enough."""
@@ -77,23 +81,9 @@ class RobustPlanner(Planner):
             `WalkTable` can hold.
 
         """
-        mission = request.mission
         guaranteed = GuaranteedPaths(request)
-        path = _best_path(request, walk_table(mission.path_cells, self._tie_order), guaranteed)
-        offer = guaranteed.stay if path is None else guaranteed.offer(path)
-        if offer.round_ticks > mission.limit_ticks:
-            status = PlanStatus.INFEASIBLE
-        elif len(offer.path) - 1 < mission.path_cells:
-            status = PlanStatus.SHORTENED
-        else:
-            status = PlanStatus.OK
-        return PlanResult(
-            status=status,
-            path=offer.path,
-            slack_s=(mission.limit_ticks - guaranteed.others_ticks) * mission.tick_s,
-            sortie_time_s=offer.round_ticks * mission.tick_s,
-            search=offer.search,
-        )
+        table = walk_table(request.mission.path_cells, self._tie_order)
+        return guaranteed.plan(_best_path(request, table, guaranteed))
 
     def plan_sortie(self, request: SortieRequest) -> SortiePlan:
         """
@@ -145,13 +135,10 @@ def _best_path(
 
 def _is_to_make_room(request: PlanRequest, moves_left: NDArray[np.float64]) -> bool:
     """Return whether no other AUV finds anything new, and one is nearer to what is left."""
-    index_of = request.mission.grid.index
-    if request.values[index_of(request.cell)] > STUCK_VALUE:
+    if not is_at_a_standstill(request):
         return False
+    index_of = request.mission.grid.index
     legs = [leg for leg in request.legs if leg.prospect is not Prospect.ASTRAY]
-    entered = (cell for leg in legs if leg.auv != request.auv for cell in leg.path[1:])
-    if any(request.values[index_of(cell)] == 0.5 for cell in entered):
-        return False  # entered once: it is new
     ends = {leg.auv: leg.path[-1] for leg in legs} | {request.auv: request.cell}
     nearest = min(ends, key=lambda auv: moves_left[index_of(ends[auv])])  # the first of several
     return nearest != request.auv
