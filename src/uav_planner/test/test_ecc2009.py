@@ -325,7 +325,7 @@ def test_planners_are_made_by_name_with_options() -> None:
 
 
 def test_unknown_planners_and_options_are_refused_by_name() -> None:
-    with pytest.raises(ValueError, match="unknown planner 'dijkstra'; allowed: .*ecc2009, "):
+    with pytest.raises(ValueError, match=r"unknown planner 'dijkstra'; allowed: .*ecc2009, "):
         make_planner('dijkstra')
     with pytest.raises(ValueError, match="no option 'speed'; allowed: tie_order"):
         make_planner('ecc2009', speed=3)
