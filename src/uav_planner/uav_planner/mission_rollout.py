@@ -7,36 +7,24 @@ sorties departed, AUVs met and made to wait as `guarantee`, `sortie` and the UAV
 long as every AUV surfaces where and when its path ends. Complex numbers are points, east + i north
 in metres; ticks count from now; cells are numbered row by row.
 
-What works together here is in one file: numba's cache on disk notices a change in the file of a
-function that is called from outside, not in the files of the functions that it calls.
+It is one file because its functions call each other, see `compilation`.
 """
 
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, NamedTuple, ParamSpec, TypeVar
+from typing import TYPE_CHECKING, NamedTuple
 
-import numba
 import numpy as np
 
 from msgs_json.geometry import TOLERANCE
+from uav_planner.compilation import compiled
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
-
     from numpy.typing import NDArray
 
     Ints = NDArray[np.int64]
     Points = NDArray[np.complex128]
-
-P = ParamSpec('P')
-R = TypeVar('R')
-
-
-def compiled(function: Callable[P, R]) -> Callable[P, R]:
-    """Compile a function when it is first called; the result is kept on disk."""
-    fast: Callable[P, R] = numba.njit(cache=True, nogil=True, error_model='numpy')(function)
-    return fast
 
 
 class Sea(NamedTuple):
@@ -848,3 +836,10 @@ def anneal(
                 best = tours
         stop = cost + FORLORN * temperature
     return tours, best, best_cost
+
+
+@compiled
+def foresee(sea: Sea, legs: Legs, position: Position, tours: CellTours) -> Outcome:
+    """Return the outcome of a mission that is flown to its end, if it has one."""
+    stop = HOPELESS * length_cost(sea, legs, tours)
+    return fly(sea, legs, position, tours, legs.entered.size, stop, make_desk(legs))

@@ -21,6 +21,7 @@ from uav_planner.mission_rollout import (
     Sea,
     Weights,
     anneal,
+    foresee,
     walk_on,
 )
 from uav_planner.planning import MissionSpec, Prospect, SurveyLeg
@@ -141,6 +142,17 @@ class TourProblem:
         path = np.empty(state.tracks.shape[1], np.int64)
         moves = walk_on(self.sea(), state, self.first, tour_of(tours, self.first), path)
         return tuple(self.cell_of(number) for number in path[: moves + 1].tolist())
+
+    def last_of(self, tours: CellTours) -> Cell | None:
+        """Return the last cell of the tour of the AUV that is being met, None if it has none."""
+        tour = tour_of(tours, self.first)
+        return self.cell_of(int(tour[-1])) if tour.size > 0 else None
+
+    def moves_until_explored(self, tours: CellTours) -> int:
+        """Return how many moves the AUV that is being met can make until all is explored."""
+        state = self.state()
+        outcome = foresee(self.sea(), state, self.uav(), tours)
+        return math.ceil(outcome.explored / state.ticks_per_cell[self.first])
 
     def named(self, tours: CellTours) -> Tours:
         """Return tours as planners hand them on."""
@@ -367,3 +379,4 @@ def warm_up() -> None:
     tours = lanes(problem)
     improved(problem, tours, 1, Cooling(2, 1.0, 1.0), np.random.default_rng(0))
     problem.path_along(tours)
+    problem.moves_until_explored(tours)

@@ -80,16 +80,16 @@ WORK = {
     Effort.NORMAL: Work(
         changes_per_cell=500,
         start_slices=12,
-        flown_starts=2,
-        flown_slices=10,
+        flown_starts=4,
+        flown_slices=8,
         slice_meetings=100_000,
-        meetings_in_flight=25_000,
+        meetings_in_flight=15_000,
     ),
     Effort.THOROUGH: Work(
         changes_per_cell=500,
         start_slices=24,
-        flown_starts=4,
-        flown_slices=40,
+        flown_starts=8,
+        flown_slices=24,
         slice_meetings=100_000,
         meetings_in_flight=75_000,
     ),
@@ -270,8 +270,16 @@ def _flights(problem: TourProblem, meetings: int) -> int:
 def _next_path(
     problem: TourProblem, tours: CellTours, guaranteed: GuaranteedPaths
 ) -> tuple[Cell, ...] | None:
-    """Return the longest allowed path along a tour, None if none is."""
+    """
+    Return the longest allowed path along a tour, None if none is.
+
+    One that ends before all is explored goes on to and fro: to lie at the surface, where ships
+    are, would not be sooner done.
+    """
     path = problem.path_along(tours)
+    if path[-1] == problem.last_of(tours):
+        moves = min(problem.moves_until_explored(tours), problem.mission.path_cells)
+        path = (*path, *(path[-2 + at % 2] for at in range(moves - len(path) + 1)))
     while len(path) > problem.mission.min_path_cells:
         if guaranteed.allows(path):
             return path
