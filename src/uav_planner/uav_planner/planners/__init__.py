@@ -16,8 +16,17 @@ if TYPE_CHECKING:
 
     from uav_planner.planning import Planner
 
+
+def _make_adaptive(*, effort: str = 'normal') -> Planner:
+    """Make an adaptive planner; imported only then, since numba alone takes half a second."""
+    from uav_planner.planners.adaptive import make_adaptive
+
+    return make_adaptive(effort=effort)
+
+
 PLANNERS: Mapping[str, Callable[..., Planner]] = MappingProxyType(
     {
+        'adaptive': _make_adaptive,
         'ecc2009': make_ecc2009,
         'robust': make_robust,
         'lanes': make_lanes,
