@@ -1,20 +1,23 @@
 """A planner that plans the whole mission ahead for longer than a node may be silent."""
 
+import os
+import sys
 import time
 from collections.abc import Iterator, Mapping
+from pathlib import Path
 
 import pytest
 
 from uav_planner import planners
-from uav_planner.planners.robust import RobustPlanner
+from uav_planner.planners.ecc2009 import Ecc2009Planner
 from uav_planner.planning import LookAhead, SortieRequest
 
 SLICES = 8
-NAME = 'robust'
-"""Under this name it flies, as `robust` does: every node takes the scenario for sound."""
+NAME = 'ecc2009'
+"""Under this name it flies, as `ecc2009` does: every node takes the scenario for sound."""
 
 
-class SlowPlanner(RobustPlanner):
+class SlowPlanner(Ecc2009Planner):
     """Thinks before take-off, and comes to nothing new."""
 
     def __init__(self, slice_s: float) -> None:
@@ -36,7 +39,7 @@ def fly_with_it(monkeypatch: pytest.MonkeyPatch, slice_s: float) -> None:
     monkeypatch.setattr(planners, 'PLANNERS', planners_with_it(slice_s))
 
 
-UAV_NODE = """#!{python}
+_UAV_NODE = """#!{python}
 import sys
 
 sys.path.insert(0, {tests!r})
@@ -47,4 +50,14 @@ from uav_planner.uav_node import main
 
 sys.exit(main())
 """
-"""An executable that is a UAV node with this planner."""
+
+
+def let_nodes_fly_with_it(monkeypatch: pytest.MonkeyPatch, folder: Path, slice_s: float) -> None:
+    """Put an executable in place of the UAV's whose planner is this one."""
+    uav = folder / 'lib' / 'uav_planner' / 'uav'
+    uav.parent.mkdir(parents=True)
+    tests = str(Path(__file__).parent)
+    uav.write_text(_UAV_NODE.format(python=sys.executable, tests=tests, slice_s=slice_s))
+    uav.chmod(0o755)
+    prefixes = f'{folder}{os.pathsep}{os.environ["AMENT_PREFIX_PATH"]}'
+    monkeypatch.setenv('AMENT_PREFIX_PATH', prefixes)

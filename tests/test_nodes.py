@@ -15,6 +15,7 @@ from domain_coordinator import domain_id
 from patience import PATIENCE_S, wait_until
 from rclpy.context import Context
 from rclpy.publisher import Publisher
+from slow_planner import NAME, SLICES, let_nodes_fly_with_it
 
 from c3_station.graph import write_params
 from c3_station.mission_record import read_mission
@@ -23,17 +24,22 @@ from c3_station.ros_environment import graph_environment
 from c3_station.scenario_files import load_scenario
 from c3_station.summary import Summary
 from msgs_json import codec
+from msgs_json.geometry import GridSpec, Point
 from msgs_json.host_node import make_executor, message_class, qos_profile
 from msgs_json.messages import (
     Acknowledgement,
+    AuvOrder,
     Leg,
     Message,
+    MissionOrder,
     PathAssignment,
+    PlanningAhead,
+    SortieDeparted,
     SurfacingReport,
 )
 from msgs_json.node_exit import NodeExit
 from msgs_json.ros_messages import Odometry, Text, odometry_from_cdr, text_from_cdr, to_cdr
-from msgs_json.topics import ODOM, RADIO_RX, RADIO_TX, Topic
+from msgs_json.topics import MISSION_EVENTS, ODOM, RADIO_RX, RADIO_TX, Topic
 
 pytestmark = pytest.mark.ros
 
@@ -411,4 +417,45 @@ def test_in_real_time_an_auv_ticks_on_the_clock_and_answers_its_radio(
     assert min(message.z_m for message in odometry) <= -1.0
     auv.signal(signal.SIGINT)
     code, output = auv.end()
+    assert code == NodeExit.OK, output
+
+
+def test_in_real_time_a_uav_plans_ahead_before_it_flies(
+    start: Start, listener: Listener, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    let_nodes_fly_with_it(monkeypatch, tmp_path, 0.2)
+    words = ['-p', 'tick_s:=0.1', '-p', f'planner:={NAME}']
+    uav = start('uav_planner', 'uav', '-r', '__ns:=/uav', *words)
+    heard: list[Message] = []
+    for topic in (RADIO_TX, MISSION_EVENTS):
+        listener.listen(
+            topic, '/uav', lambda cdr: heard.append(codec.decode(text_from_cdr(cdr))[1])
+        )
+    radio = listener.publisher(RADIO_RX, '/uav')
+    listener.wait_for(lambda: listener.hearers('/uav/radio/rx') == {'/uav'})
+    listener.wait_for(lambda: radio.get_subscription_count() == 1)
+
+    leg = Leg(leg_id=0, path=((0, 0), (0, 1)), surface_deadline_s=time.time())
+    order = MissionOrder(
+        mission_id='strip',
+        region=GridSpec(cols=3, rows=3, cell_m=10.0),
+        c3=Point(east_m=15.0, north_m=0.0),
+        radio_range_m=20.0,
+        sortie_limit_s=60.0,
+        path_cells=4,
+        min_path_cells=1,
+        surface_margin_s=0.0,
+        handover_s=0.0,
+        lost_after_sorties=3,
+        auvs=(AuvOrder(name='auv_1', speed_mps=1.0, leg=leg),),
+    )
+    spoken = codec.encode(order, src='c3', dst='uav', seq=0, stamp_s=time.time())
+    radio.publish(to_cdr(Text(spoken)))
+    listener.wait_for(lambda: any(isinstance(body, SortieDeparted) for body in heard))
+    assert isinstance(heard[0], Acknowledgement)
+    shares = [body.share for body in heard[1:-1] if isinstance(body, PlanningAhead)]
+    assert shares == sorted(shares)
+    assert len(shares) == len(heard) - 2 == SLICES
+    uav.signal(signal.SIGINT)
+    code, output = uav.end()
     assert code == NodeExit.OK, output

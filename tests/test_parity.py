@@ -40,14 +40,24 @@ def flown(scenario: str, out: Path, *options: str) -> dict[str, list[tuple[int, 
 
 
 @pytest.mark.ros
-@pytest.mark.parametrize('name', ['ecc2009', 'uncertain'])
-def test_nodes_and_one_process_fly_the_same_mission(tmp_path: Path, name: str) -> None:
+@pytest.mark.parametrize(
+    ('name', 'planner'),
+    [
+        ('ecc2009', []),
+        ('uncertain', []),
+        ('ecc2009', ['--planner', 'adaptive', '--set', 'planner.options.effort=fast']),
+    ],
+    ids=['ecc2009', 'uncertain', 'planned_ahead'],
+)
+def test_nodes_and_one_process_fly_the_same_mission(
+    tmp_path: Path, name: str, planner: list[str]
+) -> None:
     scenario = name
     if name == 'uncertain':
         (tmp_path / 'uncertain.yaml').write_text(UNCERTAIN)
         scenario = str(tmp_path / 'uncertain.yaml')
-    alone = flown(scenario, tmp_path / 'alone', '--no-ros')
-    nodes = flown(scenario, tmp_path / 'nodes', '--rate', 'max')
+    alone = flown(scenario, tmp_path / 'alone', '--no-ros', *planner)
+    nodes = flown(scenario, tmp_path / 'nodes', '--rate', 'max', *planner)
     assert alone.keys() == nodes.keys()
     assert sum(map(len, alone.values())) > 2000
     for topic, messages in alone.items():

@@ -1,6 +1,5 @@
 """Missions planned ahead for longer than anything else takes: shown, and never taken for dead."""
 
-import os
 import signal
 import subprocess
 import sys
@@ -10,7 +9,7 @@ from pathlib import Path
 import pytest
 from bag_contents import recorded
 from patience import PATIENCE_S
-from slow_planner import NAME, SLICES, UAV_NODE, fly_with_it
+from slow_planner import SLICES, fly_with_it, let_nodes_fly_with_it
 
 from c3_station import mission_run, ros_flight
 from c3_station.cli import main
@@ -37,7 +36,7 @@ def test_a_log_file_is_told_of_planning_ahead_but_not_flooded(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     fly_with_it(monkeypatch, 0.0)
-    words = ('run', str(tiny), '--planner', NAME, '--no-ros', '--no-bag', '--out')
+    words = ('run', str(tiny), '--no-ros', '--no-bag', '--out')
     assert main([*words, str(tmp_path / 'seldom')]) == ExitCode.OK
     assert told(capsys) == TOLD[:1]
     monkeypatch.setattr(mission_run, '_TOLD_EVERY_S', 0.0)
@@ -50,7 +49,6 @@ def test_a_paced_mission_does_not_make_up_for_the_time_of_planning_ahead(
 ) -> None:
     rate, slice_s = 400.0, 0.05
     fly_with_it(monkeypatch, slice_s)
-    tiny.write_text(tiny.read_text().replace('ecc2009', NAME))
     scenario = load_scenario(str(tiny))
     monitor = MissionMonitor(scenario, UAV)
     began_s = time.monotonic()
@@ -64,24 +62,13 @@ def test_a_paced_mission_does_not_make_up_for_the_time_of_planning_ahead(
 # --- over real processes -------------------------------------------------------------------------
 
 
-def put_in_place_of_the_uav(folder: Path, monkeypatch: pytest.MonkeyPatch, slice_s: float) -> None:
-    """Let the UAV's executable be one whose planner needs so long for each slice."""
-    uav = folder / 'lib' / 'uav_planner' / 'uav'
-    uav.parent.mkdir(parents=True)
-    tests = str(Path(__file__).parent)
-    uav.write_text(UAV_NODE.format(python=sys.executable, tests=tests, slice_s=slice_s))
-    uav.chmod(0o755)
-    prefixes = f'{folder}{os.pathsep}{os.environ["AMENT_PREFIX_PATH"]}'
-    monkeypatch.setenv('AMENT_PREFIX_PATH', prefixes)
-
-
 @pytest.mark.ros
 def test_nodes_wait_for_one_that_plans_ahead_and_fly_the_same_mission_as_one_process(
     tiny: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    put_in_place_of_the_uav(tmp_path, monkeypatch, 1.2 * ros_flight._REPLY_TIMEOUT_S / SLICES)
+    let_nodes_fly_with_it(monkeypatch, tmp_path, 1.2 * ros_flight._REPLY_TIMEOUT_S / SLICES)
     fly_with_it(monkeypatch, 0.0)
-    words = ('run', str(tiny), '--planner', NAME, '--out')
+    words = ('run', str(tiny), '--out')
     assert main([*words, str(tmp_path / 'alone'), '--no-ros']) == ExitCode.OK
     assert main([*words, str(tmp_path / 'nodes'), '--rate', 'max']) == ExitCode.OK
     alone, nodes = (recorded(tmp_path / way / 'bag') for way in ('alone', 'nodes'))
@@ -94,8 +81,8 @@ def test_nodes_wait_for_one_that_plans_ahead_and_fly_the_same_mission_as_one_pro
 def test_a_node_that_plans_ahead_ends_when_it_is_told_to(
     tiny: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    put_in_place_of_the_uav(tmp_path, monkeypatch, 2.0)
-    words = ('run', str(tiny), '--planner', NAME, '--no-bag', '--out', str(tmp_path / 'run'))
+    let_nodes_fly_with_it(monkeypatch, tmp_path, 2.0)
+    words = ('run', str(tiny), '--no-bag', '--out', str(tmp_path / 'run'))
     command = [sys.executable, '-m', 'c3_station', *words]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as run:
         assert run.stdout is not None
