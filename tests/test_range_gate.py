@@ -134,6 +134,8 @@ class Mallory(AgentShell):
     It has a seat in the kernel like an agent's, so all it can do is publish on its own topics.
     """
 
+    is_busy = False
+
     def __init__(self, position: Point = C3, z_m: float = 0.0) -> None:
         self._odometry = Odometry(
             stamp_s=0.0,
