@@ -593,11 +593,12 @@ def cost_of(outcome: Outcome, weights: Weights) -> float:
 
 
 LENGTH_SHARE = 0.2
+"""Ticks of the mission that a tick of each tour's length counts; the longest one counts whole."""
 
 
 @compiled
-def length_cost(sea: Sea, legs: Legs, tours: CellTours) -> float:
-    """Return what tours cost by their length alone: when all are done, and a share of each."""
+def lengths_of(sea: Sea, legs: Legs, tours: CellTours) -> tuple[float, float]:
+    """Return when the last tour is done if nobody ever waits, and what all tours' lengths cost."""
     last = 0.0
     total = 0.0
     place = 0
@@ -611,7 +612,7 @@ def length_cost(sea: Sea, legs: Legs, tours: CellTours) -> float:
         done = max(0, legs.deadlines[auv]) + moves * legs.ticks_per_cell[auv]
         last = max(last, done)
         total += done
-    return last + LENGTH_SHARE * total
+    return last, last + LENGTH_SHARE * total
 
 
 @compiled
@@ -773,13 +774,11 @@ class Cooling(NamedTuple):
 FORLORN = 10.0
 """Tours that are so many temperatures worse are as good as never taken."""
 
-SCREEN = 1.0
+HOPELESS = 2.0
+"""A mission that takes so many times as long as its tours without any wait is not flown on."""
 
 NEVER = 1e9
 """A cost that no tours have."""
-
-HOPELESS = 5.0
-"""A mission that takes so many times as long as its tours without any wait never ends."""
 
 
 @compiled
@@ -796,31 +795,30 @@ def anneal(
     """
     Improve tours by simulated annealing; return the last ones, the best ones and their cost.
 
-    With ``sorties`` 0 nothing is flown: then the tours' lengths are all that counts.
+    With ``sorties`` 0 nothing is flown: then the tours' lengths are all that counts. Else they are
+    looked at first: what makes tours longer makes missions longer, and is known a hundred times as
+    fast.
     """
     desk = make_desk(legs)
     owners = np.empty(legs.entered.size, np.int64)
     places = np.empty(legs.entered.size, np.int64)
     new = CellTours(tours.cells.copy(), tours.ends.copy())
     best = tours
-    cost = best_cost = NEVER
-    stop = HOPELESS * length_cost(sea, legs, tours)
-    tries = 0
-    length = NEVER
-    screened = 0
+    length = cost = best_cost = NEVER
+    last, _ = lengths_of(sea, legs, tours)
+    stop_at_last = stop = HOPELESS * (last + sea.limit)
     temperature = cooling.warmth
+    tries = 0
     for proposal in range(100 * cooling.tries):  # those that come to nothing must come to an end
         if tries == cooling.tries:
             break
         if proposal > 0 and not propose(sea, tours, owners, places, rng, new):
             continue
-        new_length = length_cost(sea, legs, new)
-        if proposal > 0 and new_length > length + SCREEN * temperature * -math.log(rng.random()):
-            screened += 1
-            if sorties > 0:
-                continue
+        _, new_length = lengths_of(sea, legs, new)
         if sorties == 0:
             new_cost = new_length
+        elif proposal > 0 and new_length > length - temperature * math.log(rng.random()):
+            continue
         else:
             new_cost = cost_of(fly(sea, legs, position, new, sorties, stop, desk), weights)
         tries += 1
@@ -834,12 +832,13 @@ def anneal(
             if cost < best_cost:
                 best_cost = cost
                 best = tours
-        stop = cost + FORLORN * temperature
+        stop = min(cost + FORLORN * temperature, stop_at_last)
     return tours, best, best_cost
 
 
 @compiled
 def foresee(sea: Sea, legs: Legs, position: Position, tours: CellTours) -> Outcome:
     """Return the outcome of a mission that is flown to its end, if it has one."""
-    stop = HOPELESS * length_cost(sea, legs, tours)
+    last, _ = lengths_of(sea, legs, tours)
+    stop = HOPELESS * (last + sea.limit)
     return fly(sea, legs, position, tours, legs.entered.size, stop, make_desk(legs))

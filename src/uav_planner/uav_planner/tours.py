@@ -24,6 +24,7 @@ from uav_planner.mission_rollout import (
     foresee,
     walk_on,
 )
+from uav_planner.planners.lanes import deal_strips
 from uav_planner.planning import MissionSpec, Prospect, SurveyLeg
 
 if TYPE_CHECKING:
@@ -152,7 +153,7 @@ class TourProblem:
         """Return how many moves the AUV that is being met can make until all is explored."""
         state = self.state()
         outcome = foresee(self.sea(), state, self.uav(), tours)
-        return math.ceil(outcome.explored / state.ticks_per_cell[self.first])
+        return math.ceil(outcome.explored / float(state.ticks_per_cell[self.first]))
 
     def named(self, tours: CellTours) -> Tours:
         """Return tours as planners hand them on."""
@@ -232,6 +233,12 @@ def improved(
     )
 
 
+def cost_of_flying(problem: TourProblem, tours: CellTours) -> float:
+    """Return what tours cost when they are flown to the end, ticks."""
+    only_these = Cooling(tries=1, warmth=1.0, coolness=1.0)
+    return improved(problem, tours, tours.cells.size, only_these, np.random.default_rng(0)).cost
+
+
 WEIGHTS = Weights(late=10.0, revisit=5.0, neglect=0.5, idle=0.1)
 """
 Ticks of the mission that a tick over L, a revisit, a tick of neglect or of idleness count.
@@ -241,45 +248,47 @@ apart of which neither is done sooner yet.
 """
 
 
+def strips(problem: TourProblem) -> CellTours:
+    """Return tours through strips side by side: with them the round is short for long."""
+    starts = {leg.auv: leg.path[-1] for leg in problem.legs}
+    dealt = deal_strips(problem.mission.grid, starts)
+    return _begun_near(problem, [[problem.number(cell) for cell in dealt[auv]] for auv in starts])
+
+
 def lanes(problem: TourProblem) -> CellTours:
-    """Return tours along boustrophedon lanes, cut into as many parts as there are AUVs."""
-    open_cells = problem.values == 1.0
-    cols = problem.mission.grid.cols
-    numbers = np.arange(open_cells.size).reshape(open_cells.shape)
-    by_row = [line[::-1] if at % 2 else line for at, line in enumerate(numbers)]
-    by_col = [line[::-1] if at % 2 else line for at, line in enumerate(numbers.T)]
+    """Return tours along the lanes of the whole region, cut into as many parts as AUVs."""
+    numbers = np.arange(problem.values.size).reshape(problem.values.shape)
+    auvs = len(problem.legs)
     starts = problem.state().tracks[:, 0]
     candidates = []
-    for lines in (by_row, by_col):
-        order = np.concatenate(lines)
-        parts = np.array_split(order[open_cells.ravel()[order]], len(problem.legs))
-        candidates.append(_assigned(parts, starts, cols))
+    for lines in (numbers, numbers.T):
+        order = np.concatenate([line[::-1] if at % 2 else line for at, line in enumerate(lines)])
+        is_open = (problem.values == 1.0).ravel()[order]
+        parts = [part.tolist() for part in np.array_split(order[is_open], auvs)]
+        moves = np.array([[_moves_to(problem, part, start) for start in starts] for part in parts])
+        which, whose = linear_sum_assignment(moves)
+        dealt = [parts[part] for _, part in sorted(zip(whose, which, strict=True))]
+        candidates.append((moves[which, whose].sum(), _begun_near(problem, dealt)))
     return min(candidates, key=lambda each: each[0])[1]
 
 
-def _assigned(
-    parts: list[NDArray[np.int64]], starts: NDArray[np.int64], cols: int
-) -> tuple[float, CellTours]:
-    """Return parts as tours of the AUVs for which they begin nearest, and how far that is."""
+def _begun_near(problem: TourProblem, tours: list[list[int]]) -> CellTours:
+    """Return what is still to be entered of tours, each from the end that its AUV is nearer to."""
+    is_open = (problem.values == 1.0).ravel()
+    begun = []
+    for tour, start in zip(tours, problem.state().tracks[:, 0], strict=True):
+        left = [cell for cell in tour if is_open[cell]]
+        ends = [_moves_to(problem, left[:1], start), _moves_to(problem, left[-1:], start)]
+        begun.append(left if ends[0] <= ends[1] else left[::-1])
+    return joined(begun)
 
-    def moves(cells: list[np.int64], others: NDArray[np.int64]) -> NDArray[np.int64]:
-        col, row = np.array(cells).reshape(-1, 1) % cols, np.array(cells).reshape(-1, 1) // cols
-        away: NDArray[np.int64] = abs(col - others % cols) + abs(row - others // cols)
-        return away
 
-    full = [part for part in parts if part.size > 0]
-    if not full:
-        return 0.0, joined([() for _ in starts])
-    at_heads = moves([part[0] for part in full], starts)
-    at_tails = moves([part[-1] for part in full], starts)
-    which, whose = linear_sum_assignment(np.minimum(at_heads, at_tails))
-    tours: list[list[int]] = [[] for _ in starts]
-    total = 0.0
-    for part, auv in zip(which, whose, strict=True):
-        is_turned = at_tails[part, auv] < at_heads[part, auv]
-        tours[auv] = (full[part][::-1] if is_turned else full[part]).tolist()
-        total += min(at_tails[part, auv], at_heads[part, auv])
-    return total, joined(tours)
+def _moves_to(problem: TourProblem, tour: list[int], start: int) -> int:
+    """Return how many moves it is to the nearer end of a tour, if nothing is in the way."""
+    cols = problem.mission.grid.cols
+    ends = np.array([*tour[:1], *tour[-1:]], np.int64)
+    away = abs(ends % cols - start % cols) + abs(ends // cols - start // cols)
+    return int(away.min(initial=problem.values.size))
 
 
 def carried_on(problem: TourProblem, tours: Tours) -> CellTours:

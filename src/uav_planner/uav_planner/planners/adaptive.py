@@ -7,21 +7,28 @@ import functools
 import itertools
 import math
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from uav_planner.guarantee import GuaranteedPaths, guaranteed_sortie
-from uav_planner.mission_rollout import Cooling
+from uav_planner.mission_rollout import CellTours, Cooling
 from uav_planner.planners.robust import RobustPlanner
 from uav_planner.planning import LookAhead, Prospect
-from uav_planner.tours import TourProblem, carried_on, improved, lanes, warm_up
+from uav_planner.tours import (
+    TourProblem,
+    carried_on,
+    cost_of_flying,
+    improved,
+    lanes,
+    strips,
+    warm_up,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from msgs_json.geometry import Cell, Point
-    from uav_planner.mission_rollout import CellTours
     from uav_planner.planning import (
         MissionSpec,
         PlanRequest,
@@ -81,9 +88,9 @@ WORK = {
         changes_per_cell=500,
         start_slices=12,
         flown_starts=4,
-        flown_slices=8,
+        flown_slices=12,
         slice_meetings=100_000,
-        meetings_in_flight=15_000,
+        meetings_in_flight=20_000,
     ),
     Effort.THOROUGH: Work(
         changes_per_cell=500,
@@ -101,10 +108,12 @@ SLICE_CHANGES = 50_000
 SLICE_CELLS = 40_000_000
 """Changes tried in a slice, and cells moved by them, at most: less than a second."""
 
-START_WARMTHS = (10.0, 5.0, 2.5, 1.25)
-"""Starts differ in how much disorder they begin with."""
+START_WARMTHS = (2.5, 10.0, 5.0, 5.0, 10.0, 2.5)
+"""Starts differ in how much disorder they begin with, strips and lanes by turns."""
+STARTS_MIN = 2
 START_COOLNESS = 0.1
 GROUND_COOLING = (6.0, 0.3)
+STRIPS_COOLING = (2.5, 0.3)
 FLIGHT_COOLING = (2.0, 0.3)
 """Ticks by which flown tours may be worse, at the beginning and at the end of improving them."""
 
@@ -143,7 +152,7 @@ class AdaptivePlanner:
         if not all(leg.search for leg in legs):
             legs = _with_searches(legs, guaranteed_sortie(request).route)
         notes = _notes(request.mission, legs, request.values.tobytes(), request.now_s, self._work)
-        if not notes:
+        if not notes and (request.values == 1.0).any():
             problem = TourProblem(
                 mission=request.mission,
                 legs=legs,
@@ -204,41 +213,61 @@ class AdaptivePlanner:
         return replace(plan, tours=problem.named(tours))
 
 
+class _Start(NamedTuple):
+    """Tours to begin with, and how they are made short and of equal length."""
+
+    tours: CellTours
+    coolings: list[Cooling]
+    number: int
+
+
+def _starts(problem: TourProblem, work: Work) -> list[_Start]:
+    """
+    Return tours of several kinds to begin with.
+
+    Strips are the safe choice where a sortie takes nearly all of L; what begins with disorder is
+    often shorter where it does not.
+    """
+    along_strips, along_lanes = strips(problem), lanes(problem)
+    cells = along_strips.cells.size
+    changes_max = max(1, min(SLICE_CHANGES, SLICE_CELLS // max(1, cells)))
+    slices_each = min(START_SLICES_MAX, -(-work.changes_per_cell * cells // changes_max))
+    changes = min(changes_max, work.changes_per_cell * cells // max(1, slices_each))
+    starts = [_Start(along_strips, [], 0)]
+    for kind in range(max(STARTS_MIN, work.start_slices // max(1, slices_each))):
+        coolings = _schedule(
+            START_WARMTHS[kind % len(START_WARMTHS)], START_COOLNESS, changes, slices_each
+        )
+        tours = (along_strips, along_lanes)[kind % 2]
+        starts.append(_Start(tours, coolings, kind + 1))
+    return starts
+
+
 def _look_ahead(problem: TourProblem, work: Work) -> Iterator[LookAhead]:
     """Yield the tours planned so far, slice by slice."""
-    first = lanes(problem)
-    cells = first.cells.size
-    if cells == 0:
-        return
-    changes_max = max(1, min(SLICE_CHANGES, SLICE_CELLS // cells))
-    slices_each = min(START_SLICES_MAX, -(-work.changes_per_cell * cells // changes_max))
-    changes = min(changes_max, work.changes_per_cell * cells // slices_each)
-    starts = max(1, work.start_slices // slices_each)
-    flown_starts = min(starts, work.flown_starts)
-    slices = starts * slices_each + flown_starts * work.flown_slices
-    done = 0
-    best_cost, best = math.inf, first
+    starts = _starts(problem, work)
+    flown_starts = min(len(starts), work.flown_starts)
+    slices = sum(len(start.coolings) for start in starts) + flown_starts * work.flown_slices
+    best_cost, best = math.inf, starts[0].tours
     found: list[tuple[float, int, CellTours]] = []
-    for start in range(starts):
-        rng = np.random.default_rng(start)
-        schedule = _schedule(
-            START_WARMTHS[start % len(START_WARMTHS)], START_COOLNESS, changes, slices_each
-        )
-        tours = best_start = first
+    done = 0
+    for start in starts:
+        rng = np.random.default_rng(start.number)
+        tours = shortest = start.tours
         length = math.inf
-        for cooling in schedule:
+        for cooling in start.coolings:
             tours, candidate, cost = improved(problem, tours, 0, cooling, rng)
             if cost < length:
-                length, best_start = cost, candidate
+                length, shortest = cost, candidate
             done += 1
             yield LookAhead(share=done / slices, tours=problem.named(best))
-        cost = improved(problem, best_start, TO_THE_END, Cooling(1, 1.0, 1.0), rng).cost
-        found.append((cost, start, best_start))
+        found.append((cost_of_flying(problem, shortest), start.number, shortest))
         best_cost, _, best = min(found)
-    for _, start, tours in sorted(found)[:flown_starts]:
-        rng = np.random.default_rng(start)
-        flights = _flights(problem, work.slice_meetings)
-        for cooling in _schedule(*GROUND_COOLING, flights, work.flown_slices):
+    flights = _flights(problem, work.slice_meetings)
+    for _, number, tours in sorted(found)[:flown_starts]:
+        rng = np.random.default_rng(number)
+        warmth_to_coolness = GROUND_COOLING if number > 0 else STRIPS_COOLING
+        for cooling in _schedule(*warmth_to_coolness, flights, work.flown_slices):
             tours, candidate, cost = improved(problem, tours, TO_THE_END, cooling, rng)
             if cost < best_cost:
                 best_cost, best = cost, candidate
