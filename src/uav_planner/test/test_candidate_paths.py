@@ -126,27 +126,6 @@ def test_scores_are_those_of_entering_cell_by_cell(
         assert scores[walk] == pytest.approx(score, abs=1e-12)
 
 
-@given(
-    halvings=st.lists(st.integers(0, 2), min_size=20, max_size=20),
-    masked=masks,
-    start=starts,
-    moves=st.integers(1, 4),
-)
-def test_what_a_walk_finds_and_where_it_ends_is_what_its_path_says(
-    halvings: list[int], masked: list[Cell], start: Cell, moves: int
-) -> None:
-    values, region = map_of(halvings, masked, start)
-    values[GRID.index(start)] /= 2
-    table = walk_table(moves, DOCUMENTED_TIE_ORDER)
-    finds_new, ends = table.finds_new(values, start), table.at_ends(values, start)
-    for walk in range(4**moves):
-        entered = table.path(walk, start)[1:]
-        if all(region.contains(cell) for cell in entered):
-            assert finds_new[walk] == any(values[GRID.index(cell)] == 1.0 for cell in entered)
-        is_inside = GRID.contains(entered[-1])
-        assert ends[walk] == (values[GRID.index(entered[-1])] if is_inside else -np.inf)
-
-
 def test_tables_are_shared_and_read_only() -> None:
     table = walk_table(2, DOCUMENTED_TIE_ORDER)
     assert walk_table(2, TieOrder()) is table

@@ -35,6 +35,9 @@ TIE_MARGIN = 1e-9
 MOVES_MAX = 9
 """Longest walks that are tabled: 4 ** 9 of them take 31 MB, ten moves would take 138 MB."""
 
+SEARCHED_MOVES_MAX = 24
+"""Longest paths that are searched (`leg_search`), which needs no table of them all."""
+
 
 class Direction(enum.Enum):
     """A move of one cell, as (columns east, rows north)."""
@@ -155,43 +158,13 @@ class WalkTable:
         scores -= self.turn_costs
         return scores
 
-    def finds_new(self, values: NDArray[np.float64], start: Cell) -> NDArray[np.bool_]:
-        """
-        Return of every walk whether it enters an unexplored cell: shape (walks,).
-
-        Of those that leave the region it says nothing.
-        """
-        # Only the first window can hold a 1: where a walk comes back nothing is new.
-        entered = self._windows(values, start)[self.value_indices]
-        found: NDArray[np.bool_] = (entered == 1.0).any(axis=0)
-        return found
-
-    def at_ends(self, cells: NDArray[np.float64], start: Cell) -> NDArray[np.float64]:
-        """Return what a map holds where each walk ends, minus infinity outside: shape (walks,)."""
-        window = self._window(cells, start).ravel()
-        held: NDArray[np.float64] = window[self.value_indices[-1] % window.size]
-        return held
-
     def _windows(self, values: NDArray[np.float64], start: Cell) -> NDArray[np.float64]:
         """Return the values around a cell, minus infinity outside; whole, halved, and so on."""
         halvings = 0.5 ** np.arange(self.moves + 1).reshape(-1, 1, 1)
-        window = self._window(values, start)
+        window = window_around(values, start, self.moves)
         window[window == 0.0] = -np.inf  # masked
         windows: NDArray[np.float64] = halvings * window
         return windows.ravel()
-
-    def _window(self, cells: NDArray[np.float64], start: Cell) -> NDArray[np.float64]:
-        """Return the part of a map that walks can reach, minus infinity outside the map."""
-        col, row = start
-        rows, cols = cells.shape
-        reach = self.moves
-        window = np.full((2 * reach + 1, 2 * reach + 1), -np.inf)
-        south, west = max(row - reach, 0), max(col - reach, 0)
-        north, east = min(row + reach + 1, rows), min(col + reach + 1, cols)
-        window[
-            south - row + reach : north - row + reach, west - col + reach : east - col + reach
-        ] = cells[south:north, west:east]
-        return window
 
     def path(self, walk: int, start: Cell) -> tuple[Cell, ...]:
         """Return the cells of one walk from a start cell, `P_0` included."""
@@ -204,6 +177,19 @@ class WalkTable:
         origin = np.array(start, dtype=np.intp).reshape(2, 1, 1)
         tracks: NDArray[np.intp] = origin + self.offsets[:, ::-1, walks]
         return tracks
+
+
+def window_around(cells: NDArray[np.float64], start: Cell, reach: int) -> NDArray[np.float64]:
+    """Return the part of a map up to so many cells from one, minus infinity outside the map."""
+    col, row = start
+    rows, cols = cells.shape
+    window = np.full((2 * reach + 1, 2 * reach + 1), -np.inf)
+    south, west = max(row - reach, 0), max(col - reach, 0)
+    north, east = min(row + reach + 1, rows), min(col + reach + 1, cols)
+    window[south - row + reach : north - row + reach, west - col + reach : east - col + reach] = (
+        cells[south:north, west:east]
+    )
+    return window
 
 
 @functools.lru_cache(maxsize=8)

@@ -85,17 +85,20 @@ class GuaranteedPaths:
             raise ValueError(
                 f'{request.auv} has no leg among those of {[leg.auv for leg in request.legs]}'
             )
-        self._before = _reach(mission, ((leg, leg.search) for leg in legs[:turn]))
-        self._after = _reach(mission, ((leg, leg.search[::-1]) for leg in legs[:turn:-1]))
-        self._handover_ticks = len(legs) * mission.handover_ticks
-        self._origins = tuple(dict.fromkeys((*self._before.points, *self._after.points)))
+        self.before = _reach(mission, ((leg, leg.search) for leg in legs[:turn]))
+        """The part of the round before this AUV ..."""
+        self.after = _reach(mission, ((leg, leg.search[::-1]) for leg in legs[:turn:-1]))
+        """... and the part after it, flown backwards from C3."""
+        self.handover_ticks = len(legs) * mission.handover_ticks
+        """Kept free in the round for all meetings."""
+        self.origins = tuple(dict.fromkeys((*self.before.points, *self.after.points)))
         """
         From where the search of a path is laid for a try, along its track and against it.
 
         Any origin gives a search; those near the round give short ones.
         """
-        self.others_ticks = self._before.ticks_to(self._after) + (
-            self._handover_ticks - mission.handover_ticks
+        self.others_ticks = self.before.ticks_to(self.after) + (
+            self.handover_ticks - mission.handover_ticks
         )
         """The round without this AUV, at worst."""
         self.stay = self._stay(request, legs[turn])
@@ -144,8 +147,8 @@ class GuaranteedPaths:
             last[:] = np.array(self._behind).reshape(2, 1, 1)
             tracks = np.concatenate([tracks, last], axis=1)
         both_ways = np.concatenate([tracks, tracks[:, ::-1]], axis=2)
-        searches = lay_each_search(self._mission, self._origins, both_ways)
-        each_way = self._round_ticks_each(searches).reshape(2 * len(self._origins), -1)
+        searches = lay_each_search(self._mission, self.origins, both_ways)
+        each_way = self._round_ticks_each(searches).reshape(2 * len(self.origins), -1)
         ticks: NDArray[np.float64] = each_way.min(axis=0)
         return ticks
 
@@ -155,7 +158,7 @@ class GuaranteedPaths:
         searches = (
             lay_search(self._mission, origin, order)
             for order in (track, track[::-1])
-            for origin in self._origins
+            for origin in self.origins
         )
         return min(
             (self._offer(path, search) for search in searches), key=lambda each: each.round_ticks
@@ -184,8 +187,8 @@ class GuaranteedPaths:
         return within_range(distance_m, self._mission.radio_range_m)
 
     def _offer(self, path: Path, search: Search) -> Offer:
-        ticks = self._handover_ticks + search_ticks(self._mission, search)
-        ticks += self._before.ticks_to_point(search[0]) + self._after.ticks_to_point(search[-1])
+        ticks = self.handover_ticks + search_ticks(self._mission, search)
+        ticks += self.before.ticks_to_point(search[0]) + self.after.ticks_to_point(search[-1])
         return Offer(path=path, search=search, round_ticks=ticks)
 
     def _is_within(self, offer: Offer) -> bool:
@@ -199,9 +202,9 @@ class GuaranteedPaths:
 
     def _round_ticks_each(self, searches: Searches) -> NDArray[np.float64]:
         mission = self._mission
-        ticks = searches.ticks + self._handover_ticks
-        ticks += self._before.ticks_to_each(searches.first_m)
-        ticks += self._after.ticks_to_each(searches.last_m)
+        ticks = searches.ticks + self.handover_ticks
+        ticks += self.before.ticks_to_each(searches.first_m)
+        ticks += self.after.ticks_to_each(searches.last_m)
         home_m = complex(mission.c3.east_m, mission.c3.north_m)
         alone_ticks = searches.ticks + mission.handover_ticks
         alone_ticks += ticks_between_each(mission, searches.first_m, home_m)
@@ -266,7 +269,7 @@ def least_limit_s(mission: MissionSpec, legs: Iterable[SurveyLeg]) -> float:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class _Reach:
+class Reach:
     """Where the UAV can be after part of a round, and how long that takes at worst."""
 
     points: Search
@@ -281,7 +284,7 @@ class _Reach:
             for here, ticks in zip(self.points, self.ticks, strict=True)
         )
 
-    def ticks_to(self, other: _Reach) -> int:
+    def ticks_to(self, other: Reach) -> int:
         """Return the ticks of a round made of this part and another one, flown backwards."""
         return max(
             self.ticks_to_point(point) + ticks
@@ -296,16 +299,16 @@ class _Reach:
         return ticks
 
 
-def _reach(mission: MissionSpec, searches: Iterable[tuple[SurveyLeg, Search]]) -> _Reach:
+def _reach(mission: MissionSpec, searches: Iterable[tuple[SurveyLeg, Search]]) -> Reach:
     """Return how far a round has come after some legs, each with its search in flying order."""
-    reach = _Reach(points=(mission.c3,), ticks=(0,), mission=mission)
+    reach = Reach(points=(mission.c3,), ticks=(0,), mission=mission)
     for leg, search in searches:
         if leg.prospect is Prospect.ENDS:
             ticks = tuple(reach.ticks_to_point(point) for point in search)
-            reach = _Reach(points=search, ticks=ticks, mission=mission)
+            reach = Reach(points=search, ticks=ticks, mission=mission)
         else:
             ticks = (reach.ticks_to_point(search[0]) + search_ticks(mission, search),)
-            reach = _Reach(points=search[-1:], ticks=ticks, mission=mission)
+            reach = Reach(points=search[-1:], ticks=ticks, mission=mission)
     return reach
 
 

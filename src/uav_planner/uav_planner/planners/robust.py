@@ -2,28 +2,21 @@
 
 from __future__ import annotations
 
-import itertools
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from uav_planner.candidate_paths import (
-    DOCUMENTED_TIE_ORDER,
-    TIE_MARGIN,
-    TieOrder,
-    walk_table,
-)
+from uav_planner.candidate_paths import DOCUMENTED_TIE_ORDER, TieOrder
 from uav_planner.guarantee import GuaranteedPaths, guaranteed_sortie
+from uav_planner.leg_search import LegScore, best_leg, check_moves, warm_up
 from uav_planner.planning import Planner, Prospect
 from uav_planner.standstill import is_at_a_standstill
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
-
     from numpy.typing import NDArray
 
     from msgs_json.geometry import Cell, GridSpec
-    from uav_planner.candidate_paths import WalkTable
     from uav_planner.planning import (
         MissionSpec,
         PlanRequest,
@@ -47,9 +40,6 @@ What each cell between a path's end and the nearest unexplored one takes off its
 Less than a cell visited twice is worth, so that it decides only where little is left nearby.
 """
 
-BLOCKS = (64, 256, 1024)
-"""So many paths are looked at at once, best first: often a few are enough."""
-
 
 class RobustPlanner(Planner):
     """
@@ -69,6 +59,7 @@ class RobustPlanner(Planner):
 
     def __init__(self, *, tie_order: TieOrder = DOCUMENTED_TIE_ORDER) -> None:
         self._tie_order = tie_order
+        warm_up()
 
     def plan_path(self, request: PlanRequest) -> PlanResult:
         """
@@ -77,13 +68,12 @@ class RobustPlanner(Planner):
         Raises
         ------
         ValueError
-            The AUV has no leg among those of the request, or its paths are longer than
-            `WalkTable` can hold.
+            The AUV has no leg among those of the request, or its paths are longer than are
+            searched.
 
         """
         guaranteed = GuaranteedPaths(request)
-        table = walk_table(request.mission.path_cells, self._tie_order)
-        return guaranteed.plan(_best_path(request, table, guaranteed))
+        return guaranteed.plan(_best_path(request, self._tie_order, guaranteed))
 
     def plan_sortie(self, request: SortieRequest) -> SortiePlan:
         """
@@ -92,45 +82,54 @@ class RobustPlanner(Planner):
         Raises
         ------
         ValueError
-            L cannot be kept from the beginning, or paths are longer than `WalkTable` can hold.
+            L cannot be kept from the beginning, or paths are longer than are searched.
 
         """
-        walk_table(request.mission.path_cells, self._tie_order)  # made on the ground
+        check_moves(request.mission)
         return guaranteed_sortie(request)
 
 
 def _best_path(
-    request: PlanRequest, table: WalkTable, guaranteed: GuaranteedPaths
+    request: PlanRequest, tie_order: TieOrder, guaranteed: GuaranteedPaths
 ) -> tuple[Cell, ...] | None:
     """
-    Return the best of the walks that are allowed, None if none is.
+    Return the best of the paths of q moves that are allowed, None if none is.
 
     If it neither finds anything new nor ends nearer to it, it is the best of those that do, if one
     is allowed: a longer round may take off more than that is worth, and the AUV would move to and
     fro for ever. Where nobody finds anything new, AUVs in two corners may keep each other from it:
     then the nearest one goes there, and the others make room, nearer to C3.
     """
-    moves_left = _moves_to_unexplored(request.mission.grid, request.values)
-    moves_left_here = moves_left[request.mission.grid.index(request.cell)]
-    at_ends = table.at_ends(moves_left, request.cell)
-    scores = table.scores(request.values, request.cell)
-    inside = scores > -np.inf
-    if moves_left_here < np.inf:
-        scores[inside] -= DISTANCE_COST * at_ends[inside]
-    best = _best_walk(request, table, guaranteed, scores)
+    mission, values = request.mission, request.values
+    index_of = mission.grid.index
+    moves_left = _moves_to_unexplored(mission.grid, values)
+    moves_left_here = moves_left[index_of(request.cell)]
+    ends = np.zeros_like(values) if moves_left_here == np.inf else -DISTANCE_COST * moves_left
+
+    def best_by(score: LegScore) -> tuple[Cell, ...] | None:
+        moves = mission.path_cells
+        return best_leg(request, guaranteed, score, moves_min=moves, tie_order=tie_order).path
+
+    def finds_new(path: tuple[Cell, ...]) -> bool:
+        return any(values[index_of(cell)] == 1.0 for cell in path if cell != request.cell)
+
+    score = LegScore(values=values, ends=ends[np.newaxis], round_cost=ROUND_COST)
+    best = best_by(score)
     if best is None:
         return None
-    finds_new = table.finds_new(request.values, request.cell)
-    gets_on = finds_new | (at_ends < moves_left_here)
-    if not gets_on[best]:
-        other = _best_walk(request, table, guaranteed, np.where(gets_on, scores, -np.inf))
-        best = best if other is None else other
-    if not finds_new[best] and _is_to_make_room(request, moves_left):
+    if not finds_new(best) and moves_left[index_of(best[-1])] >= moves_left_here:
+        nearer = np.where(moves_left < moves_left_here, ends, -np.inf)
+        best = best_by(replace(score, ends=np.array([nearer, ends]))) or best
+    if not finds_new(best) and _is_to_make_room(request, moves_left):
         # A move nearer to C3 counts as much as a whole round.
-        room = -ROUND_COST * table.at_ends(_moves_to_c3(request.mission), request.cell)
-        away = _best_walk(request, table, guaranteed, np.where(inside, room, -np.inf))
-        best = best if away is None else away
-    return table.path(best, request.cell)
+        room = LegScore(
+            values=np.zeros_like(values),
+            ends=-ROUND_COST * _moves_to_c3(mission)[np.newaxis],
+            round_cost=ROUND_COST,
+            turn_cost=0.0,
+        )
+        best = best_by(room) or best
+    return best
 
 
 def _is_to_make_room(request: PlanRequest, moves_left: NDArray[np.float64]) -> bool:
@@ -142,48 +141,6 @@ def _is_to_make_room(request: PlanRequest, moves_left: NDArray[np.float64]) -> b
     ends = {leg.auv: leg.path[-1] for leg in legs} | {request.auv: request.cell}
     nearest = min(ends, key=lambda auv: moves_left[index_of(ends[auv])])  # the first of several
     return nearest != request.auv
-
-
-def _best_walk(
-    request: PlanRequest,
-    table: WalkTable,
-    guaranteed: GuaranteedPaths,
-    scores: NDArray[np.float64],
-) -> int | None:
-    """
-    Return the walk of the best score, less its round's cost, among those allowed; None if none is.
-
-    Looks at them by falling score, until no round could be short enough to make up for it.
-    """
-    cost_per_tick = ROUND_COST / request.mission.limit_ticks
-    # The round costs at least what it costs without this AUV.
-    scores_at_most = scores - cost_per_tick * guaranteed.others_ticks
-    walks = np.argsort(-scores_at_most)[: np.count_nonzero(scores > -np.inf)]
-    best, best_score = None, -np.inf
-    for block in _blocks(walks):
-        if scores_at_most[block[0]] < best_score - TIE_MARGIN:
-            break
-        ticks = guaranteed.round_ticks_each(table.tracks(block, request.cell))
-        full_scores = scores[block] - cost_per_tick * ticks
-        score = float(full_scores.max())
-        if score < best_score - TIE_MARGIN or score == -np.inf:
-            continue
-        first = int(block[full_scores >= score - TIE_MARGIN].min())  # in tie order
-        if best is None or score > best_score + TIE_MARGIN:
-            best, best_score = first, score
-        else:
-            best = min(best, first)
-    return best
-
-
-def _blocks(walks: NDArray[np.intp]) -> Iterator[NDArray[np.intp]]:
-    """Yield the walks in blocks, the last size again and again."""
-    first = 0
-    for size in itertools.chain(BLOCKS, itertools.repeat(BLOCKS[-1])):
-        if first >= walks.size:
-            return
-        yield walks[first : first + size]
-        first += size
 
 
 def _moves_to_unexplored(grid: GridSpec, values: NDArray[np.float64]) -> NDArray[np.float64]:
