@@ -267,7 +267,9 @@ def _build(stamp: Stamp, lock: int) -> dict[str, str]:
             if name not in of_the_shell
         }
 
-        trial = [str(PYTHON), '-P', '-c', 'import rclpy, std_msgs.msg, c3_station']
+        # The planner compiles for half a minute when it is made for the first time: not in flight.
+        parts = 'import rclpy, std_msgs.msg, c3_station, uav_planner.planners as planners'
+        trial = [str(PYTHON), '-P', '-c', f"{parts}; planners.make_planner('adaptive')"]
         env = environment({**stamp, 'workspace_paths': paths}, os.environ)
         _run(trial, env, lock, trouble)
     return paths

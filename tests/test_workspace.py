@@ -78,6 +78,7 @@ ROSDEP_KEYS = {
     'jinja2': 'python3-jinja2',
     'jsonschema': 'python3-jsonschema',
     'matplotlib': 'python3-matplotlib',
+    'numba': 'python3-numba',
     'numpy': 'python3-numpy',
     'pytest': 'python3-pytest',
     'rich': 'python3-rich',
