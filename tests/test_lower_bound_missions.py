@@ -22,7 +22,7 @@ SMALL = {'cols': Span(least=2, most=6), 'rows': Span(least=2, most=6)}
 """Regions in which the ends of a mission matter: first meetings, last legs, dead ends."""
 
 
-OPTIONS = {'adaptive': {'effort': 'fast'}}
+OPTIONS = {'adaptive': {'effort': 'minimal'}}
 """Of planners that would take longer than need be here."""
 SECONDS_PER_MISSION = {'adaptive': 16.0}
 """Of planners that plan whole missions ahead; the others take about 0.25 s."""

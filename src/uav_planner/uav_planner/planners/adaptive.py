@@ -293,7 +293,7 @@ def _flights(problem: TourProblem, meetings: int) -> int:
     """Return how many missions can be flown to their end with a number of meetings."""
     cells, auvs = int((problem.values == 1.0).sum()), len(problem.legs)
     each = auvs + cells // problem.mission.path_cells
-    return max(20, meetings // each)
+    return max(1, meetings // each)
 
 
 def _next_path(
