@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 
 from c3_station.in_process import fly
 from c3_station.scenario import Auv, Scenario
+from c3_station.scenario_changes import Change
 from c3_station.scenario_checks import mission_problems
 from c3_station.scenario_files import load_scenario, with_choices
 from c3_station.scenario_generator import USUAL_MODELS, Span, generate_scenario
@@ -78,16 +79,23 @@ def test_no_planner_sends_an_auv_to_land(planner: str) -> None:
     for seed in range(3):
         scenario = generate_scenario(seed, SMALL | LAND)
         short = msgspec.structs.replace(scenario, max_mission_s=scenario.max_mission_s / 10)
-        flown_beside_land(with_choices(short, planner=planner))
+        flown_beside_land(by(planner, short))
 
 
+def by(planner: str, scenario: Scenario) -> Scenario:
+    """Return a scenario flown by a planner, with as little work as it can do."""
+    least = [Change(key='planner.options.effort', value='minimal')]
+    return with_choices(scenario, planner=planner, changes=least if planner == 'adaptive' else [])
+
+
+@pytest.mark.parametrize('planner', ['robust', 'adaptive'])
 @pytest.mark.parametrize('limit_s', [40.0, 80.0])
-def test_a_sea_in_two_parts_is_surveyed_with_an_auv_in_each(limit_s: float) -> None:
+def test_a_sea_in_two_parts_is_surveyed_with_an_auv_in_each(planner: str, limit_s: float) -> None:
     """The AUV in the small part has nothing to do any more long before the other one."""
     wall = tuple((3, row) for row in range(6))
     ecc2009 = load_scenario('ecc2009')
     scenario = msgspec.structs.replace(
-        with_choices(ecc2009, planner='robust'),
+        by(planner, ecc2009),
         region=GridSpec(cols=12, rows=6, cell_m=10.0, masked=wall),
         auvs=(
             Auv(name='auv_1', initial_path=((1, 1), (1, 2))),

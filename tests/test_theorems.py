@@ -354,7 +354,7 @@ def _between(start: Point, end: Point, share: float) -> Point:
 
 
 TRIED_MOST = ('ecc2009', 'robust')
-"""Planners on which the theorems are tried most in the fast part; they share the guaranteed set."""
+"""Planners on which the theorems are tried most in the fast part; all share the guaranteed set."""
 
 LITTLE_WORK = {'adaptive': {'effort': 'minimal'}}
 """What the theorems say hangs on no planner's diligence."""

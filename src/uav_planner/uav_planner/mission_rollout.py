@@ -47,7 +47,11 @@ class Sea(NamedTuple):
     moves_max: int
     moves_min: int
     next_cell: NDArray[np.int16]
-    """Next cell on the way from one to another, shape (cells, cells); (0, 0) without a mask."""
+    """
+    Next cell on the way from one to another, shape (cells, cells); (0, 0) without a mask.
+
+    Negative where no way leads there.
+    """
     moves_between: NDArray[np.int16]
     """Moves on that way, in the same shape."""
 
@@ -144,7 +148,7 @@ def distance(sea: Sea, cell: int, other: int) -> int:
 
 @compiled
 def toward(sea: Sea, cell: int, target: int) -> int:
-    """Return the next cell on the way to another one: along the longer side first."""
+    """Return the next cell on the way to another one, the longer side first; < 0 if none leads."""
     if sea.next_cell.shape[0] > 0:
         return int(sea.next_cell[cell, target])
     east = sea.col[target] - sea.col[cell]
@@ -304,7 +308,10 @@ def walk_on(sea: Sea, legs: Legs, auv: int, tour: Ints, path: Ints) -> int:
         while cell != target:
             if moves == sea.moves_max:
                 return moves
-            cell = toward(sea, cell, target)
+            following = toward(sea, cell, target)
+            if following < 0:
+                break
+            cell = following
             moves += 1
             path[moves] = cell
     while 0 < moves < sea.moves_min:  # to and fro at the end: no path may be shorter

@@ -5,7 +5,7 @@ from __future__ import annotations
 import functools
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from scipy.optimize import linear_sum_assignment
@@ -34,6 +34,10 @@ if TYPE_CHECKING:
 
     from msgs_json.geometry import Cell
     from uav_planner.planning import Tours
+
+
+NO_WAY = 20_000
+"""Moves between cells where no way leads from one to the other: more than any way has."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -162,6 +166,15 @@ class TourProblem:
             for at, leg in enumerate(self.legs)
         }
 
+    def moves_to(self, cells: NDArray[np.int64], other: NDArray[np.int64] | int) -> NDArray[Any]:
+        """Return how many moves it is from cells to others, `NO_WAY` where none leads there."""
+        _, moves_between = ways(self.mission.grid)
+        if moves_between.size > 0:
+            moves: NDArray[Any] = moves_between[cells, other]
+            return moves
+        cols = self.mission.grid.cols
+        return abs(cells % cols - other % cols) + abs(cells // cols - other // cols)
+
     def cell_of(self, number: int) -> Cell:
         """Return the cell of a number."""
         row, col = divmod(number, self.mission.grid.cols)
@@ -273,22 +286,31 @@ def lanes(problem: TourProblem) -> CellTours:
 
 
 def _begun_near(problem: TourProblem, tours: list[list[int]]) -> CellTours:
-    """Return what is still to be entered of tours, each from the end that its AUV is nearer to."""
+    """
+    Return what is still to be entered of tours, each from the end that its AUV is nearer to.
+
+    Cells to which no way leads from an AUV are put into tours of others.
+    """
     is_open = (problem.values == 1.0).ravel()
-    begun = []
-    for tour, start in zip(tours, problem.state().tracks[:, 0], strict=True):
-        left = [cell for cell in tour if is_open[cell]]
-        ends = [_moves_to(problem, left[:1], start), _moves_to(problem, left[-1:], start)]
-        begun.append(left if ends[0] <= ends[1] else left[::-1])
+    begun, orphans = [], []
+    for tour, start in zip(tours, problem.state().tracks[:, 0].tolist(), strict=True):
+        is_reached = problem.moves_to(np.array(tour, np.int64), start) < NO_WAY
+        left = [cell for cell, reached in zip(tour, is_reached, strict=True) if reached]
+        orphans += [cell for cell, reached in zip(tour, is_reached, strict=True) if not reached]
+        left = [cell for cell in left if is_open[cell]]
+        if left and _moves_to(problem, left[-1:], start) < _moves_to(problem, left[:1], start):
+            left.reverse()
+        begun.append(left)
+    for cell in orphans:
+        if is_open[cell]:
+            _insert(problem, cell, begun)
     return joined(begun)
 
 
 def _moves_to(problem: TourProblem, tour: list[int], start: int) -> int:
-    """Return how many moves it is to the nearer end of a tour, if nothing is in the way."""
-    cols = problem.mission.grid.cols
+    """Return how many moves it is to the nearer end of a tour; many for an empty one."""
     ends = np.array([*tour[:1], *tour[-1:]], np.int64)
-    away = abs(ends % cols - start % cols) + abs(ends // cols - start // cols)
-    return int(away.min(initial=problem.values.size))
+    return int(problem.moves_to(ends, start).min(initial=NO_WAY))
 
 
 def carried_on(problem: TourProblem, tours: Tours) -> CellTours:
@@ -299,9 +321,7 @@ def carried_on(problem: TourProblem, tours: Tours) -> CellTours:
     or is lost) is put where it makes tours the least longer; what the AUV that is being met did
     not reach of its leg, at the head of its tour.
     """
-    cols = problem.mission.grid.cols
-    is_open = (problem.values == 1.0).ravel()
-    seen = ~is_open
+    seen = (problem.values < 1.0).ravel()
     carried: list[list[int]] = []
     for at, leg in enumerate(problem.legs):
         missed = leg.path if at == problem.first else ()
@@ -312,21 +332,20 @@ def carried_on(problem: TourProblem, tours: Tours) -> CellTours:
                 seen[number] = True
                 tour.append(number)
         carried.append(tour)
-    starts = problem.state().tracks[:, 0]
     for orphan in np.flatnonzero(~seen).tolist():
-        _insert(orphan, carried, starts, cols)
+        _insert(problem, orphan, carried)
     return joined(carried)
 
 
-def _insert(cell: int, tours: list[list[int]], starts: NDArray[np.int64], cols: int) -> None:
+def _insert(problem: TourProblem, cell: int, tours: list[list[int]]) -> None:
     """Put a cell where it makes a tour the least longer."""
+    starts = problem.state().tracks[:, 0]
     best, best_place = math.inf, (0, 0)
     for auv, tour in enumerate(tours):
         way = np.array([starts[auv], *tour])
-        away = abs(way % cols - cell % cols) + abs(way // cols - cell // cols)
-        hops = abs(np.diff(way % cols)) + abs(np.diff(way // cols))
+        away = problem.moves_to(way, cell)
         more = away.astype(np.float64)
-        more[:-1] += away[1:] - hops
+        more[:-1] += away[1:] - problem.moves_to(way[:-1], way[1:])
         place = int(more.argmin())
         if more[place] < best:
             best, best_place = more[place], (auv, place)
@@ -354,7 +373,7 @@ def ways(grid: GridSpec) -> tuple[NDArray[np.int16], NDArray[np.int16]]:
     here, there = np.array(pairs).T
     graph = csr_array((np.ones(len(pairs)), (here, there)), shape=(size, size))
     moves, before = dijkstra(graph, unweighted=True, return_predecessors=True)
-    moves[np.isinf(moves)] = 0.0
+    moves[np.isinf(moves)] = NO_WAY
     # What comes last on the way back is the next on the way there.
     return before.T.astype(np.int16), moves.astype(np.int16)
 
