@@ -88,13 +88,10 @@ def by(planner: str, scenario: Scenario) -> Scenario:
     return with_choices(scenario, planner=planner, changes=least if planner == 'adaptive' else [])
 
 
-@pytest.mark.parametrize('planner', ['robust', 'adaptive'])
-@pytest.mark.parametrize('limit_s', [40.0, 80.0])
-def test_a_sea_in_two_parts_is_surveyed_with_an_auv_in_each(planner: str, limit_s: float) -> None:
-    """The AUV in the small part has nothing to do any more long before the other one."""
+def sea_in_two_parts(planner: str, limit_s: float) -> Scenario:
     wall = tuple((3, row) for row in range(6))
     ecc2009 = load_scenario('ecc2009')
-    scenario = msgspec.structs.replace(
+    return msgspec.structs.replace(
         by(planner, ecc2009),
         region=GridSpec(cols=12, rows=6, cell_m=10.0, masked=wall),
         auvs=(
@@ -103,8 +100,27 @@ def test_a_sea_in_two_parts_is_surveyed_with_an_auv_in_each(planner: str, limit_
         ),
         sortie=msgspec.structs.replace(ecc2009.sortie, limit_s=limit_s),
     )
+
+
+@pytest.mark.parametrize('planner', ['robust', 'adaptive'])
+@pytest.mark.parametrize('limit_s', [40.0, 80.0])
+def test_a_sea_in_two_parts_is_surveyed_with_an_auv_in_each(planner: str, limit_s: float) -> None:
+    """The AUV in the small part has nothing to do any more long before the other one."""
+    scenario = sea_in_two_parts(planner, limit_s)
     assert mission_problems(scenario) == []
     assert_survey_is_as_promised(flown_beside_land(scenario))
+
+
+@pytest.mark.parametrize('planner', ['robust', 'adaptive'])
+def test_a_part_of_the_sea_is_left_alone_when_its_auv_is_lost(planner: str) -> None:
+    scenario = sea_in_two_parts(planner, 80.0)
+    first, second = scenario.auvs
+    second = msgspec.structs.replace(second, surfacing={'model': 'lost', 'from_s': 100.0})
+    scenario = msgspec.structs.replace(scenario, auvs=(first, second), max_mission_s=900.0)
+    summary = flown_beside_land(scenario)
+    assert summary.sortie_limit_violations == 0
+    assert summary.explored_s is None
+    assert summary.cells_explored >= 18  # all of the first part
 
 
 def test_the_harbour_is_surveyed_as_its_file_says() -> None:

@@ -1,5 +1,5 @@
 """
-The rest of a mission flown in a few microseconds: what tours of the AUVs would come to.
+The rest of a mission flown in some 50 microseconds: what tours of the AUVs would come to.
 
 A *tour* is the list of cells that an AUV is still to enter, in order; its next legs are cut from
 it. Flown are the real rules in whole ticks: searches are laid, paths kept to the guaranteed set,
@@ -784,9 +784,6 @@ FORLORN = 10.0
 HOPELESS = 2.0
 """A mission that takes so many times as long as its tours without any wait is not flown on."""
 
-NEVER = 1e9
-"""A cost that no tours have."""
-
 
 @compiled
 def anneal(
@@ -811,7 +808,7 @@ def anneal(
     places = np.empty(legs.entered.size, np.int64)
     new = CellTours(tours.cells.copy(), tours.ends.copy())
     best = tours
-    length = cost = best_cost = NEVER
+    length = cost = best_cost = math.inf
     last, _ = lengths_of(sea, legs, tours)
     stop_at_last = stop = HOPELESS * (last + sea.limit)
     temperature = cooling.warmth

@@ -36,7 +36,10 @@ if TYPE_CHECKING:
     from uav_planner.planning import Tours
 
 
-NO_WAY = 20_000
+MASKED_CELLS_MAX = 6400
+"""With 80 x 80 cells the ways between all of them take 0.16 GB, and 0.5 GB to be found."""
+
+NO_WAY = 2 * MASKED_CELLS_MAX
 """Moves between cells where no way leads from one to the other: more than any way has."""
 
 
@@ -78,6 +81,11 @@ class TourProblem:
         """Return the index of the AUV that is being met, -1 if none."""
         return next((at for at, leg in enumerate(self.legs) if leg.auv == self.met), -1)
 
+    @property
+    def starts(self) -> list[int]:
+        """Return the cell from which the tour of each AUV goes on."""
+        return [self.number(self._track(leg)[0]) for leg in self.legs]
+
     def sea(self) -> Sea:
         """Return the mission as compiled code takes it."""
         mission = self.mission
@@ -109,6 +117,8 @@ class TourProblem:
         sizes, lengths = np.zeros(auvs, np.int64), np.zeros(auvs, np.int64)
         for at, leg in enumerate(self.legs):
             track = self._track(leg)
+            if not leg.search or len(track) < 2:
+                raise ValueError(f'{leg.auv} has a leg without a search, or of no move')
             sizes[at], lengths[at] = len(track), len(leg.search)
             tracks[at, : len(track)] = [self.number(cell) for cell in track]
             searches[at, : len(leg.search)] = [
@@ -174,6 +184,10 @@ class TourProblem:
             return moves
         cols = self.mission.grid.cols
         return abs(cells % cols - other % cols) + abs(cells // cols - other // cols)
+
+    def is_way(self, cell: int, other: int) -> bool:
+        """Return whether an AUV can come from one cell to another."""
+        return bool(self.moves_to(np.array([cell]), other)[0] < NO_WAY)
 
     def cell_of(self, number: int) -> Cell:
         """Return the cell of a number."""
@@ -272,7 +286,7 @@ def lanes(problem: TourProblem) -> CellTours:
     """Return tours along the lanes of the whole region, cut into as many parts as AUVs."""
     numbers = np.arange(problem.values.size).reshape(problem.values.shape)
     auvs = len(problem.legs)
-    starts = problem.state().tracks[:, 0]
+    starts = problem.starts
     candidates = []
     for lines in (numbers, numbers.T):
         order = np.concatenate([line[::-1] if at % 2 else line for at, line in enumerate(lines)])
@@ -293,7 +307,7 @@ def _begun_near(problem: TourProblem, tours: list[list[int]]) -> CellTours:
     """
     is_open = (problem.values == 1.0).ravel()
     begun, orphans = [], []
-    for tour, start in zip(tours, problem.state().tracks[:, 0].tolist(), strict=True):
+    for tour, start in zip(tours, problem.starts, strict=True):
         is_reached = problem.moves_to(np.array(tour, np.int64), start) < NO_WAY
         left = [cell for cell, reached in zip(tour, is_reached, strict=True) if reached]
         orphans += [cell for cell, reached in zip(tour, is_reached, strict=True) if not reached]
@@ -321,6 +335,7 @@ def carried_on(problem: TourProblem, tours: Tours) -> CellTours:
     or is lost) is put where it makes tours the least longer; what the AUV that is being met did
     not reach of its leg, at the head of its tour.
     """
+    starts = problem.starts
     seen = (problem.values < 1.0).ravel()
     carried: list[list[int]] = []
     for at, leg in enumerate(problem.legs):
@@ -328,7 +343,7 @@ def carried_on(problem: TourProblem, tours: Tours) -> CellTours:
         tour = []
         for cell in (*missed, *tours.get(leg.auv, ())):
             number = problem.number(cell)
-            if not seen[number]:
+            if not seen[number] and problem.is_way(starts[at], number):
                 seen[number] = True
                 tour.append(number)
         carried.append(tour)
@@ -338,11 +353,12 @@ def carried_on(problem: TourProblem, tours: Tours) -> CellTours:
 
 
 def _insert(problem: TourProblem, cell: int, tours: list[list[int]]) -> None:
-    """Put a cell where it makes a tour the least longer."""
-    starts = problem.state().tracks[:, 0]
-    best, best_place = math.inf, (0, 0)
-    for auv, tour in enumerate(tours):
-        way = np.array([starts[auv], *tour])
+    """Put a cell where it makes a tour the least longer; nowhere if no AUV can come to it."""
+    best, best_place = math.inf, (-1, 0)
+    for auv, (start, tour) in enumerate(zip(problem.starts, tours, strict=True)):
+        if not problem.is_way(start, cell):
+            continue
+        way = np.array([start, *tour])
         away = problem.moves_to(way, cell)
         more = away.astype(np.float64)
         more[:-1] += away[1:] - problem.moves_to(way[:-1], way[1:])
@@ -350,7 +366,25 @@ def _insert(problem: TourProblem, cell: int, tours: list[list[int]]) -> None:
         if more[place] < best:
             best, best_place = more[place], (auv, place)
     auv, place = best_place
-    tours[auv].insert(place, cell)
+    if auv >= 0:
+        tours[auv].insert(place, cell)
+
+
+def check_region(grid: GridSpec) -> None:
+    """
+    Refuse a region for which `ways` would take too much memory.
+
+    Raises
+    ------
+    ValueError
+        It has a mask, and more than `MASKED_CELLS_MAX` cells.
+
+    """
+    if grid.masked and grid.cols * grid.rows > MASKED_CELLS_MAX:
+        raise ValueError(
+            f'a region with masked cells may have up to {MASKED_CELLS_MAX} cells, masked ones'
+            f' included, with planner adaptive; it has {grid.cols * grid.rows}'
+        )
 
 
 @functools.lru_cache(maxsize=4)

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 
 def _make_adaptive(*, effort: str = 'normal') -> Planner:
-    """Make an adaptive planner; imported only then, since numba alone takes half a second."""
+    """Make an adaptive planner; imported only then, for its libraries take long to import."""
     from uav_planner.planners.adaptive import make_adaptive
 
     return make_adaptive(effort=effort)

@@ -11,13 +11,14 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from uav_planner.guarantee import GuaranteedPaths, guaranteed_sortie
+from uav_planner.guarantee import GuaranteedPaths
 from uav_planner.mission_rollout import CellTours, Cooling
 from uav_planner.planners.robust import RobustPlanner
 from uav_planner.planning import LookAhead, Prospect
 from uav_planner.tours import (
     TourProblem,
     carried_on,
+    check_region,
     cost_of_flying,
     improved,
     lanes,
@@ -28,7 +29,7 @@ from uav_planner.tours import (
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from msgs_json.geometry import Cell, Point
+    from msgs_json.geometry import Cell
     from uav_planner.planning import (
         MissionSpec,
         PlanRequest,
@@ -37,7 +38,6 @@ if TYPE_CHECKING:
         SortieRequest,
         SurveyLeg,
     )
-    from uav_planner.sortie import Route
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -146,25 +146,25 @@ class AdaptivePlanner:
         First many sets of tours that are short and of equal length, then the best of them better
         by flying them.
         """
-        if request.values is None:
+        if request.values is None or not (request.values == 1.0).any():
             return
-        legs = request.legs
-        if not all(leg.search for leg in legs):
-            legs = _with_searches(legs, guaranteed_sortie(request).route)
-        notes = _notes(request.mission, legs, request.values.tobytes(), request.now_s, self._work)
-        if not notes and (request.values == 1.0).any():
-            problem = TourProblem(
-                mission=request.mission,
-                legs=legs,
-                values=request.values.copy(),
-                now_s=request.now_s,
-                position=request.mission.c3,
-            )
-            for ahead in _look_ahead(problem, self._work):
-                yield ahead
-                notes.append(ahead)
-        else:
-            yield from notes
+        values = request.values.tobytes()
+        known = _known(request.mission, request.legs, values, request.now_s, self._work)
+        if known:
+            yield from known
+            return
+        problem = TourProblem(
+            mission=request.mission,
+            legs=request.legs,
+            values=request.values.copy(),
+            now_s=request.now_s,
+            position=request.mission.c3,
+        )
+        slices = []
+        for ahead in _look_ahead(problem, self._work):
+            slices.append(ahead)
+            yield ahead
+        known += slices  # all or nothing: this one may be broken off
 
     def plan_sortie(self, request: SortieRequest) -> SortiePlan:
         """
@@ -173,10 +173,12 @@ class AdaptivePlanner:
         Raises
         ------
         ValueError
-            L cannot be kept from the beginning.
+            L cannot be kept from the beginning, paths are longer than `robust` searches, or
+            the region has a mask and too many cells for ways around it.
 
         """
-        return replace(guaranteed_sortie(request), tours=request.tours)
+        check_region(request.mission.grid)
+        return replace(self._leg_planner.plan_sortie(request), tours=request.tours)
 
     def plan_path(self, request: PlanRequest) -> PlanResult:
         """
@@ -230,11 +232,11 @@ def _starts(problem: TourProblem, work: Work) -> list[_Start]:
     """
     along_strips, along_lanes = strips(problem), lanes(problem)
     cells = along_strips.cells.size
-    changes_max = max(1, min(SLICE_CHANGES, SLICE_CELLS // max(1, cells)))
+    changes_max = max(1, min(SLICE_CHANGES, SLICE_CELLS // cells))
     slices_each = min(START_SLICES_MAX, -(-work.changes_per_cell * cells // changes_max))
-    changes = min(changes_max, work.changes_per_cell * cells // max(1, slices_each))
+    changes = min(changes_max, work.changes_per_cell * cells // slices_each)
     starts = [_Start(along_strips, [], 0)]
-    for kind in range(max(STARTS_MIN, work.start_slices // max(1, slices_each))):
+    for kind in range(max(STARTS_MIN, work.start_slices // slices_each)):
         coolings = _schedule(
             START_WARMTHS[kind % len(START_WARMTHS)], START_COOLNESS, changes, slices_each
         )
@@ -282,10 +284,10 @@ def _schedule(warmth: float, coolness: float, tries: int, slices: int) -> list[C
 
 
 @functools.lru_cache(maxsize=16)
-def _notes(
+def _known(
     mission: MissionSpec, legs: tuple[SurveyLeg, ...], values: bytes, now_s: float, work: Work
 ) -> list[LookAhead]:
-    """Return what was planned for the same mission: those that differ only in chance share it."""
+    """Return what was planned for the same mission; those that differ only in chance share it."""
     return []
 
 
@@ -306,7 +308,7 @@ def _next_path(
     are, would not be sooner done.
     """
     path = problem.path_along(tours)
-    if path[-1] == problem.last_of(tours):
+    if problem.last_of(tours) in path[1:]:
         moves = min(problem.moves_until_explored(tours), problem.mission.path_cells)
         path = (*path, *(path[-2 + at % 2] for at in range(moves - len(path) + 1)))
     while len(path) > problem.mission.min_path_cells:
@@ -316,19 +318,11 @@ def _next_path(
     return None
 
 
-def _with_searches(legs: tuple[SurveyLeg, ...], route: Route) -> tuple[SurveyLeg, ...]:
-    """Return legs with the searches of a route."""
-    searches: dict[str, list[Point]] = {}
-    for waypoint in route:
-        searches.setdefault(waypoint.auv, []).append(waypoint.point)
-    return tuple(replace(leg, search=tuple(searches[leg.auv])) for leg in legs)
-
-
 def make_adaptive(*, effort: str = Effort.NORMAL.value) -> AdaptivePlanner:
     """
     Plan whole missions ahead, and keep L whatever the AUVs do.
 
-    Options are as in scenario files: ``effort``, 'fast', 'normal' or 'thorough'.
+    Options are as in scenario files: ``effort``, 'minimal', 'fast', 'normal' or 'thorough'.
 
     Raises
     ------
@@ -337,7 +331,8 @@ def make_adaptive(*, effort: str = Effort.NORMAL.value) -> AdaptivePlanner:
 
     """
     try:
-        return AdaptivePlanner(effort=Effort(effort))
+        chosen = Effort(effort)
     except ValueError:
         allowed = ', '.join(each.value for each in Effort)
         raise ValueError(f"effort must be one of {allowed}, not '{effort}'") from None
+    return AdaptivePlanner(effort=chosen)
