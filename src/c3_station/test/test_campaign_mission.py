@@ -93,8 +93,8 @@ def test_a_mission_that_does_not_end_is_stopped() -> None:
 
 
 def test_an_exception_is_a_result_that_says_where(monkeypatch: pytest.MonkeyPatch) -> None:
-    def fly_into_trouble(scenario: Scenario, sink: Any) -> None:  # noqa: ANN401
-        fly(with_choices(scenario, changes=[read_change('max_mission_s=60')]), sink)
+    def fly_into_trouble(scenario: Scenario, sink: Any, planner: Any) -> None:  # noqa: ANN401
+        fly(with_choices(scenario, changes=[read_change('max_mission_s=60')]), sink, planner)
         raise ZeroDivisionError('no\n  way')
 
     monkeypatch.setattr(campaign_mission, 'fly', fly_into_trouble)

@@ -425,7 +425,7 @@ def test_choices_replace_planner_and_seed_and_are_checked() -> None:
     assert with_choices(scenario, planner=None, seed=7).seed == 7
     with pytest.raises(ScenarioError, match='command line: seed is -3'):
         with_choices(scenario, planner=None, seed=-3)
-    with pytest.raises(ScenarioError, match=r"planner.name .*'best'.*allowed: ecc2009"):
+    with pytest.raises(ScenarioError, match=r"planner.name .*'best'.*allowed: adaptive, ecc2009"):
         with_choices(scenario, planner='best', seed=None)
 
 
