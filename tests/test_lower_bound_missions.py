@@ -24,7 +24,7 @@ SMALL = {'cols': Span(least=2, most=6), 'rows': Span(least=2, most=6)}
 
 OPTIONS = {'adaptive': {'effort': 'minimal'}}
 """Of planners that would take longer than need be here."""
-SECONDS_PER_MISSION = {'adaptive': 16.0}
+SECONDS_PER_MISSION = {'adaptive': 0.5}
 """Of planners that plan whole missions ahead; the others take about 0.25 s."""
 
 
@@ -65,13 +65,13 @@ def test_no_mission_is_faster(planner: str) -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize('planner', PLANNERS)
 def test_no_small_mission_is_faster_whatever_happens(planner: str) -> None:
-    assert share_explored(seeds(1000, 120.0, planner), planner, SMALL, tuple(MODELS)) > 0.4
+    assert share_explored(seeds(1000, 25.0, planner), planner, SMALL, tuple(MODELS)) > 0.4
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize('planner', PLANNERS)
 def test_no_mission_on_time_is_faster(planner: str) -> None:
-    assert share_explored(seeds(2000, 30.0, planner), planner, {}, ('on_time',)) > 0.5
+    assert share_explored(seeds(2000, 10.0, planner), planner, {}, ('on_time',)) > 0.5
 
 
 def test_the_bound_can_be_reached() -> None:
