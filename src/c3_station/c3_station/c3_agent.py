@@ -49,6 +49,7 @@ class _Auv:
     """Since it was last met."""
     lost: bool = False
     asked_for_help: bool = False
+    samples_delivered: int = 0
 
     @property
     def is_out(self) -> bool:
@@ -211,6 +212,7 @@ class C3Agent:
             key = (item.auv, item.sample.number)
             if key not in self._samples:
                 new.append(item.sample)
+                self._auvs[item.auv].samples_delivered += 1
             self._samples[key] = item.sample
             self._cells[item.sample.cell] = item.sample.value
         return new
@@ -237,9 +239,6 @@ class C3Agent:
         return tuple(auv.contact(now_s) for auv in self._auvs.values())
 
     def _status(self, now_s: float) -> MissionStatus:
-        delivered_by_auv = dict.fromkeys(self._auvs, 0)
-        for name, _ in self._samples:
-            delivered_by_auv[name] += 1
         return MissionStatus(
             mission_id=self._scenario.name,
             state=self._state(),
@@ -257,7 +256,7 @@ class C3Agent:
                     next_contact_s=auv.next_contact_s,
                     searches_in_vain=auv.searches_in_vain,
                     last_met_s=auv.last_met_s,
-                    samples_delivered=delivered_by_auv[name],
+                    samples_delivered=auv.samples_delivered,
                 )
                 for name, auv in self._auvs.items()
             ),
