@@ -14,11 +14,12 @@ import msgspec
 
 from msgs_json.geometry import Cell, GridSpec, Point
 from msgs_json.messages import Name
-from uav_planner.candidate_paths import MOVES_MAX
+from uav_planner.candidate_paths import SEARCHED_MOVES_MAX
 
 NotNegative = Annotated[float, msgspec.Meta(ge=0, le=1e6)]
 Wind = Annotated[float, msgspec.Meta(ge=-100, le=100)]
-PathCells = Annotated[int, msgspec.Meta(ge=1, le=MOVES_MAX)]
+PathCells = Annotated[int, msgspec.Meta(ge=1, le=SEARCHED_MOVES_MAX)]
+"""A planner that lists all paths takes less, and says so when it is asked for its first sortie."""
 
 RESERVED_NAMES = frozenset({'c3', 'diagnostics', 'recorder', 'uav', 'world'})
 """Names of the other nodes (and of what stands beside them in the topic tree): not for an AUV."""

@@ -37,7 +37,7 @@ from msgs_json.straight_motion import Flow
 from uav_planner.guarantee import initial_problem
 from uav_planner.mission_order import UavSetup, mission_spec
 from uav_planner.planners import PLANNERS, make_planner
-from uav_planner.planning import SurveyLeg
+from uav_planner.planning import SortieRequest, SurveyLeg
 from uav_planner.uav_params import DRIVERS as UAV_DRIVERS
 
 if TYPE_CHECKING:
@@ -50,7 +50,7 @@ def mission_problems(scenario: Scenario) -> list[Problem]:
     return problems or [
         *_unreachable(scenario),
         *_radio(scenario),
-        *_not_guaranteed(scenario),
+        *_refused(scenario),
     ]
 
 
@@ -240,14 +240,13 @@ def _wide_leg(moves: int) -> Leg:
     return Leg(leg_id=_WIDE_INT, path=path, surface_deadline_s=_WIDE_FLOAT)
 
 
-# --- can the limit be kept? ----------------------------------------------------------------------
+# --- does the planner take the mission? ----------------------------------------------------------
 
 
-def _not_guaranteed(scenario: Scenario) -> Iterator[Problem]:
-    """Ask what the UAV asks when it gets its order; a planner without guarantee flies anyway."""
+def _refused(scenario: Scenario) -> Iterator[Problem]:
+    """Ask what the UAV asks when it gets its order; first for L, which has a key of its own."""
     choice, order = scenario.planner, mission_order(scenario, 0.0)
-    if not make_planner(choice.name, **choice.options).guarantees_limit:
-        return
+    planner = make_planner(choice.name, **choice.options)
     uav = UavSetup(
         c3='c3',
         speed_mps=scenario.uav.speed_mps,
@@ -255,14 +254,22 @@ def _not_guaranteed(scenario: Scenario) -> Iterator[Problem]:
         tick_s=scenario.tick_s,
         arrival_radius_m=scenario.uav.arrival_radius_m,
     )
-    legs = [
+    mission = mission_spec(order, uav)
+    legs = tuple(
         SurveyLeg(auv=auv.name, path=auv.leg.path, surface_deadline_s=auv.leg.surface_deadline_s)
         for auv in order.auvs
-    ]
-    problem = initial_problem(mission_spec(order, uav), legs)
+    )
+    problem = initial_problem(mission, legs) if planner.guarantees_limit else None
     if problem:
         text = f'is {scenario.sortie.limit_s:g}, and {choice.name} guarantees it: {problem}'
         yield Problem(('sortie', 'limit_s'), text)
+        return
+    try:
+        planner.plan_sortie(SortieRequest(mission=mission, legs=legs, now_s=0.0))
+    except ValueError as error:
+        yield Problem(
+            ('planner', 'name'), f'is {choice.name!r}; it cannot plan this mission: {error}'
+        )
 
 
 # --- names of parts that live elsewhere ----------------------------------------------------------

@@ -31,7 +31,7 @@ from c3_station.scenario import (
 from c3_station.shape_checks import nearest
 from msgs_json.geometry import Cell, GridSpec, Point
 from msgs_json.randomness import agent_rng
-from uav_planner.candidate_paths import MOVES_MAX
+from uav_planner.candidate_paths import SEARCHED_MOVES_MAX
 from uav_planner.guarantee import least_limit_s
 from uav_planner.planning import MissionSpec, SurveyLeg
 
@@ -139,13 +139,13 @@ QUANTITIES: Mapping[str, Quantity] = MappingProxyType(
         ),
         'path-cells': Quantity(
             meaning='moves of a full path, q',
-            allowed=Span(least=1, most=MOVES_MAX),
+            allowed=Span(least=1, most=SEARCHED_MOVES_MAX),
             usual=Span(least=2, most=7),
             is_whole=True,
         ),
         'min-path-cells': Quantity(
             meaning='moves of the shortest path, Delta, at most q',
-            allowed=Span(least=1, most=MOVES_MAX),
+            allowed=Span(least=1, most=SEARCHED_MOVES_MAX),
             usual=Span(least=1, most=3),
             is_whole=True,
         ),

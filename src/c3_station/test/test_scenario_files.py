@@ -31,6 +31,7 @@ from msgs_json.agent_shell import Frame
 from msgs_json.params import validated
 from msgs_json.ros_messages import Text
 from msgs_json.topics import RADIO_TX
+from uav_planner.candidate_paths import SEARCHED_MOVES_MAX
 from uav_planner.planners import PLANNERS
 from uav_planner.planners.ecc2009 import Ecc2009Planner
 
@@ -174,7 +175,7 @@ def test_every_auv_is_told_of_the_land() -> None:
 
 
 def fleet(auvs: int, path_cells: int) -> Scenario:
-    content = changed(('planner', 'path_cells'), path_cells)
+    content = changed(('planner',), {'name': 'robust', 'path_cells': path_cells})
     content['auvs'] = [ECC2009['auvs'][0] | {'name': f'auv_{number}'} for number in range(auvs)]
     return parse_scenario(msgspec.json.encode(content).decode())
 
@@ -202,7 +203,7 @@ def test_long_initial_paths_count(tmp_path: Path) -> None:
 
 
 def test_default_takes_the_messages_of_the_largest_fleet_with_the_longest_paths() -> None:
-    largest = fleet(200, 9)
+    largest = fleet(200, SEARCHED_MOVES_MAX)
     assert 65_536 < longest_message_bytes(largest) <= largest.radio.max_message_bytes
 
 
@@ -302,7 +303,12 @@ def test_field_file_is_found_beside_the_scenario(tmp_path: Path) -> None:
         ),
         (('sortie', 'limit_s'), 0.5, ['sortie.limit_s is 0.5', 'tick_s 1']),
         (('planner', 'name'), 'ecc209', ['planner.name', "'ecc209'", 'did you mean ecc2009?']),
-        (('planner', 'path_cells'), 10, ['planner.path_cells is 10', 'at most 9']),
+        (('planner', 'path_cells'), 25, ['planner.path_cells is 25', 'at most 24']),
+        (
+            ('planner', 'path_cells'),
+            10,
+            ["planner.name is 'ecc2009'; it cannot plan", 'path_cells is 10', 'ecc2009: 1 to 9'],
+        ),
         (('planner', 'min_path_cells'), 7, ['planner.min_path_cells is 7', 'path_cells, 6']),
         (('planner', 'options'), {'tie': 1}, ['planner.options', "no option 'tie'"]),
         (('planner', 'options'), {'tie_order': 1}, ['planner.options', 'enws-first']),
@@ -326,6 +332,15 @@ def test_problem_names_file_line_key_value_and_what_is_allowed(
     assert str(caught.value).startswith(f'{file}: line ')
     for part in said:
         assert part in str(caught.value)
+
+
+def test_a_region_that_its_planner_cannot_plan_is_refused(tmp_path: Path) -> None:
+    content = changed(('planner',), {'name': 'adaptive', 'path_cells': 6})
+    content['region'] |= {'cols': 1000, 'rows': 20}
+    assert load_scenario(write(tmp_path, content)).planner.name == 'adaptive'
+    content['region']['masked'] = [[999, 19]]
+    with pytest.raises(ScenarioError, match=r"planner.name is 'adaptive'; .* it has 20000"):
+        load_scenario(write(tmp_path, content))
 
 
 def test_what_no_auv_reaches_may_be_masked_too_or_get_an_auv(tmp_path: Path) -> None:
@@ -427,6 +442,8 @@ def test_choices_replace_planner_and_seed_and_are_checked() -> None:
         with_choices(scenario, planner=None, seed=-3)
     with pytest.raises(ScenarioError, match=r"planner.name .*'best'.*allowed: adaptive, ecc2009"):
         with_choices(scenario, planner='best', seed=None)
+    with pytest.raises(ScenarioError, match=r"line: planner.name is 'ecc2009'; .* 1 to 9"):
+        with_choices(fleet(3, 10), planner='ecc2009')
 
 
 def test_another_planner_does_not_get_the_options_of_the_first(

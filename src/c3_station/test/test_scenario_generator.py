@@ -89,7 +89,7 @@ def requests(draw: st.DrawFn) -> dict[str, Span]:
         ('cols', 2, 40),
         ('rows', 1, 40),
         ('auvs', 1, 12),
-        ('path-cells', 3, 8),
+        ('path-cells', 3, 24),
         ('min-path-cells', 1, 3),
     ):
         if draw(st.booleans()):
@@ -312,7 +312,7 @@ def test_what_is_no_span_is_told(text: str) -> None:
         ({'cell': '30-40', 'range': '10-20'}, 'range is 10-20; allowed with the rest of it: 30-'),
         (
             {'path-cells': '2', 'min-path-cells': '3'},
-            'path-cells is 2; allowed with the rest of it: 3-9',
+            'path-cells is 2; allowed with the rest of it: 3-24',
         ),
         ({'limit': '0.01'}, r'limit is 0\.01; allowed with the rest of it: \d'),
     ],

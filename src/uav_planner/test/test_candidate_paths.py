@@ -12,7 +12,7 @@ from hypothesis import given
 from msgs_json.geometry import Cell, GridSpec
 from uav_planner.candidate_paths import (
     DOCUMENTED_TIE_ORDER,
-    MOVES_MAX,
+    LISTED_MOVES_MAX,
     Direction,
     TieOrder,
     every_tie_order,
@@ -138,9 +138,9 @@ def test_tables_are_shared_and_read_only() -> None:
             array[...] = 0
 
 
-@pytest.mark.parametrize('moves', [0, -1, MOVES_MAX + 1])
+@pytest.mark.parametrize('moves', [0, -1, LISTED_MOVES_MAX + 1])
 def test_walks_too_short_or_too_many_are_refused(moves: int) -> None:
-    with pytest.raises(ValueError, match=f'1 to {MOVES_MAX} moves, not {moves}'):
+    with pytest.raises(ValueError, match=f'1 to {LISTED_MOVES_MAX} moves, not {moves}'):
         walk_table(moves, DOCUMENTED_TIE_ORDER)
 
 

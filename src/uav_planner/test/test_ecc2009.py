@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 
 from msgs_json.geometry import Cell, GridSpec, Point
-from uav_planner.candidate_paths import TieOrder, every_tie_order
+from uav_planner.candidate_paths import LISTED_MOVES_MAX, TieOrder, every_tie_order
 from uav_planner.exploration_map import ExplorationMap
 from uav_planner.planners import make_planner
 from uav_planner.planners.ecc2009 import Ecc2009Planner
@@ -314,6 +314,17 @@ def test_a_request_that_does_not_fit_together_is_refused() -> None:
     one_cell = replace(REFERENCE, grid=GridSpec(cols=1, rows=1, cell_m=10.0))
     with pytest.raises(ValueError, match=r'no path of 1 moves from cell \[0, 0\]'):
         single_auv(one_cell, (0, 0))
+
+
+@pytest.mark.parametrize('path_cells', [LISTED_MOVES_MAX + 1, 24])
+def test_more_moves_than_can_be_listed_are_refused(path_cells: int) -> None:
+    request, _ = hand_overs()[0]
+    mission = replace(request.mission, path_cells=path_cells)
+    told = f'path_cells is {path_cells}; allowed with planner ecc2009: 1 to 9 '
+    with pytest.raises(ValueError, match=told):
+        Ecc2009Planner().plan_sortie(SortieRequest(mission=mission, legs=request.legs, now_s=0.0))
+    with pytest.raises(ValueError, match=told):
+        plan_path_by_enumeration(replace(request, mission=mission))
 
 
 def test_planners_are_made_by_name_with_options() -> None:

@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import hypothesis.strategies as st
@@ -24,7 +25,7 @@ from uav_bench import (
     taken,
 )
 
-from msgs_json.agent import Log, Output, Publish, Transmit
+from msgs_json.agent import Log, Output, Publish, Refuse, Transmit
 from msgs_json.codec import Refusal
 from msgs_json.geometry import GridSpec, Point
 from msgs_json.messages import (
@@ -47,10 +48,12 @@ from msgs_json.messages import (
 )
 from msgs_json.ros_messages import TrackPath
 from msgs_json.topics import ODOM, ROUTE
-from uav_planner.candidate_paths import MOVES_MAX
+from uav_planner.candidate_paths import LISTED_MOVES_MAX, SEARCHED_MOVES_MAX
 from uav_planner.hand_over import HAND_OVER_TICKS
+from uav_planner.planners import PLANNERS, make_planner
 from uav_planner.planners.ecc2009 import Ecc2009Planner
-from uav_planner.planning import MissionSpec, Prospect, SurveyLeg
+from uav_planner.planners.robust import RobustPlanner
+from uav_planner.planning import MissionSpec, Planner, Prospect, SurveyLeg
 from uav_planner.sortie import flight_time_s, lay_route, punctual_departure_s, worst_case_s
 
 ORDER_TAKEN = Transmit('c3', taken(Acknowledged.MISSION_ORDER, 0))
@@ -114,15 +117,36 @@ def test_an_order_that_is_no_mission_is_refused_and_a_good_one_still_taken(
     assert bench.hear('c3', order()) == [ORDER_TAKEN]
 
 
-@pytest.mark.parametrize('path_cells', [MOVES_MAX + 1, 10_000])
-def test_an_order_that_its_planner_cannot_plan_is_refused_before_it_flies(path_cells: int) -> None:
-    bench = Bench(Ecc2009Planner())
+@pytest.mark.parametrize(
+    ('planner', 'path_cells', 'allowed'),
+    [
+        (Ecc2009Planner, LISTED_MOVES_MAX + 1, 'with planner ecc2009: 1 to 9'),
+        (Ecc2009Planner, 10_000, 'with planner ecc2009: 1 to 9'),
+        (RobustPlanner, SEARCHED_MOVES_MAX + 1, 'where the best path is searched: 1 to 24'),
+    ],
+)
+def test_an_order_that_its_planner_cannot_plan_is_refused_before_it_flies(
+    planner: Callable[[], Planner], path_cells: int, allowed: str
+) -> None:
+    bench = Bench(planner())
     bench.tick()
-    too_long = order(path_cells=path_cells)
-    assert refused(bench.hear('c3', too_long)) == ('c3', Refusal.NOT_POSSIBLE)
+    output = bench.hear('c3', order(path_cells=path_cells, radio_range_m=10.0))
+    assert refused(output) == ('c3', Refusal.NOT_POSSIBLE)
+    (refusal,) = output
+    assert isinstance(refusal, Refuse)
+    assert f'path_cells is {path_cells}; allowed {allowed}' in refusal.detail
     assert bench.agent.peers == {'c3'}
     assert len(bench.tick(100)) == 100  # it stays at home: odometry only
-    assert bench.hear('c3', order()) == [ORDER_TAKEN]
+    assert bench.hear('c3', order(radio_range_m=10.0)) == [ORDER_TAKEN]
+
+
+@pytest.mark.parametrize('name', sorted(PLANNERS.keys() - {'ecc2009'}))
+def test_an_order_with_the_longest_paths_of_a_scenario_is_taken(name: str) -> None:
+    options = {'effort': 'minimal'} if name == 'adaptive' else {}
+    bench = Bench(make_planner(name, **options))
+    bench.tick()
+    longest = order(path_cells=SEARCHED_MOVES_MAX, radio_range_m=10.0)
+    assert bench.hear('c3', longest) == [ORDER_TAKEN]
 
 
 def test_a_uav_that_stops_short_of_its_waypoints_plans_with_a_shorter_range() -> None:

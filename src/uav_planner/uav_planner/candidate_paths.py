@@ -32,11 +32,11 @@ six moves has, never outweigh the step from an unexplored cell to one visited on
 TIE_MARGIN = 1e-9
 """A later candidate wins only if its score is better by more than this (in cell values)."""
 
-MOVES_MAX = 9
-"""Longest walks that are tabled: 4 ** 9 of them take 31 MB, ten moves would take 138 MB."""
+LISTED_MOVES_MAX = 9
+"""Longest walks that are listed: 4 ** 9 of them take 31 MB, ten moves would take 138 MB."""
 
 SEARCHED_MOVES_MAX = 24
-"""Longest paths that are searched (`leg_search`), which needs no table of them all."""
+"""Longest paths that are searched (`leg_search`), which needs no list of them all."""
 
 
 class Direction(enum.Enum):
@@ -192,6 +192,23 @@ def window_around(cells: NDArray[np.float64], start: Cell, reach: int) -> NDArra
     return window
 
 
+def check_listed(path_cells: int) -> None:
+    """
+    Check that all paths of a mission can be listed.
+
+    Raises
+    ------
+    ValueError
+        q is more than `LISTED_MOVES_MAX`.
+
+    """
+    if path_cells > LISTED_MOVES_MAX:
+        raise ValueError(
+            f'path_cells is {path_cells}; allowed with planner ecc2009: 1 to {LISTED_MOVES_MAX}'
+            ' (it lists all 4^path_cells paths)'
+        )
+
+
 @functools.lru_cache(maxsize=8)
 def walk_table(moves: int, tie_order: TieOrder) -> WalkTable:
     """
@@ -200,11 +217,11 @@ def walk_table(moves: int, tie_order: TieOrder) -> WalkTable:
     Raises
     ------
     ValueError
-        ``moves`` is not in 1 ... `MOVES_MAX`.
+        ``moves`` is not in 1 ... `LISTED_MOVES_MAX`.
 
     """
-    if not 1 <= moves <= MOVES_MAX:
-        raise ValueError(f'a walk has 1 to {MOVES_MAX} moves, not {moves}')
+    if not 1 <= moves <= LISTED_MOVES_MAX:
+        raise ValueError(f'a walk has 1 to {LISTED_MOVES_MAX} moves, not {moves}')
     place = np.arange(moves) if tie_order.first_move_fastest else np.arange(moves)[::-1]
     move = (np.arange(4**moves) // 4 ** place[:, np.newaxis]) % 4
     steps = np.array([direction.value for direction in tie_order.directions], dtype=np.int16)

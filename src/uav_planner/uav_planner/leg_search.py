@@ -202,8 +202,8 @@ def check_moves(mission: MissionSpec) -> None:
     """
     if mission.path_cells > SEARCHED_MOVES_MAX:
         raise ValueError(
-            f'a path that is searched has 1 to {SEARCHED_MOVES_MAX} moves,'
-            f' not {mission.path_cells}'
+            f'path_cells is {mission.path_cells}; allowed where the best path is searched:'
+            f' 1 to {SEARCHED_MOVES_MAX}'
         )
 
 

@@ -11,6 +11,7 @@ from msgs_json.geometry import TOLERANCE
 from uav_planner.candidate_paths import (
     DOCUMENTED_TIE_ORDER,
     TieOrder,
+    check_listed,
     greedy_cell,
     walk_table,
 )
@@ -111,10 +112,11 @@ class Ecc2009Planner(Planner):
         Raises
         ------
         ValueError
-            The mission's paths are longer than `WalkTable` can hold.
+            The mission's paths are longer than can be listed.
 
         """
         mission = request.mission
+        check_listed(mission.path_cells)
         walk_table(mission.path_cells, self._tie_order)  # made on the ground, not at a meeting
         route = lay_route(mission, request.legs)
         depart_s = punctual_departure_s(mission, route, request.now_s)

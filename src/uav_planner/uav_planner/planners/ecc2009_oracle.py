@@ -15,7 +15,13 @@ import math
 from typing import TYPE_CHECKING
 
 from msgs_json.geometry import TOLERANCE, is_before, whole_ticks, within_range
-from uav_planner.candidate_paths import DOCUMENTED_TIE_ORDER, TIE_MARGIN, TURN_COST, TieOrder
+from uav_planner.candidate_paths import (
+    DOCUMENTED_TIE_ORDER,
+    TIE_MARGIN,
+    TURN_COST,
+    TieOrder,
+    check_listed,
+)
 from uav_planner.planning import PlanResult, PlanStatus, Prospect
 
 if TYPE_CHECKING:
@@ -30,8 +36,17 @@ Path = tuple['Cell', ...]
 def plan_path_by_enumeration(
     request: PlanRequest, tie_order: TieOrder = DOCUMENTED_TIE_ORDER
 ) -> PlanResult:
-    """Return what `Ecc2009Planner.plan_path` returns (ECC 2009, Algorithm 1)."""
+    """
+    Return what `Ecc2009Planner.plan_path` returns (ECC 2009, Algorithm 1).
+
+    Raises
+    ------
+    ValueError
+        There are more paths than can be gone through, or none of Delta moves.
+
+    """
     mission = request.mission
+    check_listed(mission.path_cells)
     paths = {
         leg.auv: leg.path
         if leg.prospect is Prospect.STAYS
