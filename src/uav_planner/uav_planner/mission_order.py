@@ -32,6 +32,11 @@ def problem_with_order(order: MissionOrder, setup: UavSetup) -> str | None:
             f'radio_range_m must be more than the arrival radius of {setup.arrival_radius_m:g} m,'
             f' is {order.radio_range_m:g}'
         )
+    if order.sortie_limit_s < setup.tick_s:
+        return (
+            f'sortie_limit_s must be at least a tick of {setup.tick_s:g} s,'
+            f' is {order.sortie_limit_s:g}'
+        )
     names = [auv.name for auv in order.auvs]
     if len(set(names)) < len(names):
         return f'AUVs must have different names, are {", ".join(names)}'
