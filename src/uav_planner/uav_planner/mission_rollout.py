@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     Points = NDArray[np.complex128]
 
 
-class Sea(NamedTuple):
+class MissionConstants(NamedTuple):
     """What stays the same while tours are compared."""
 
     col: Ints
@@ -38,11 +38,13 @@ class Sea(NamedTuple):
     range_m: float
     step_m: float
     c3_m: complex
-    limit: int
+    home: int
+    """The cell nearest to C3."""
+    limit_ticks: int
     """L, ticks."""
-    handover: int
+    handover_ticks: int
     """Ticks kept free for each meeting."""
-    margin: int
+    margin_ticks: int
     """Ticks by which an AUV may surface later than at its speed."""
     moves_max: int
     moves_min: int
@@ -63,7 +65,7 @@ class Legs(NamedTuple):
     """Cells of each present leg in searching order, shape (auvs, moves_max + 2)."""
     sizes: Ints
     """How many cells each track has."""
-    deadlines: Ints
+    deadline_ticks: Ints
     """Tick at which each is at the surface, at the first cell of its track."""
     searches: Points
     """Waypoints of each search, shape (auvs, moves_max + 2)."""
@@ -87,6 +89,8 @@ class Position(NamedTuple):
     """The AUV that is to get a path now; -1 at C3."""
     behind: int
     """The cell toward which that AUV lies off the first one of its track; -1 if toward none."""
+    moves_least: int
+    """Moves that it is to make at least, be its tour at its end."""
 
 
 class CellTours(NamedTuple):
@@ -107,14 +111,18 @@ class Reach(NamedTuple):
 class Outcome(NamedTuple):
     """What flying some tours came to; times in ticks."""
 
-    explored: float
+    explored_ticks: float
     """When the last cell is entered."""
-    idle: float
+    idle_ticks: float
     """How long before that AUVs had entered their last, sum."""
     revisits: int
-    neglect: float
-    late: int
+    """Moves into cells entered before, on the way to others that were not."""
+    neglect_ticks: float
+    """How long AUVs waited at the surface before all was handed out, sum."""
+    late_ticks: int
     """By how much rounds were longer than L, sum."""
+    left: int
+    """Cells that were not entered when the mission was given up."""
 
 
 # --- cells, hops and searches --------------------------------------------------------------------
@@ -133,65 +141,72 @@ def length_of(way_m: complex) -> float:
 
 
 @compiled
-def hop(sea: Sea, start_m: complex, end_m: complex) -> int:
+def hop(mission: MissionConstants, start_m: complex, end_m: complex) -> int:
     """Return `hop_ticks`."""
-    return whole(length_of(end_m - start_m) / sea.step_m)
+    return whole(length_of(end_m - start_m) / mission.step_m)
 
 
 @compiled
-def distance(sea: Sea, cell: int, other: int) -> int:
+def distance(mission: MissionConstants, cell: int, other: int) -> int:
     """Return the moves from one cell to another."""
-    if sea.moves_between.shape[0] > 0:
-        return int(sea.moves_between[cell, other])
-    return int(abs(sea.col[cell] - sea.col[other]) + abs(sea.row[cell] - sea.row[other]))
+    if mission.moves_between.shape[0] > 0:
+        return int(mission.moves_between[cell, other])
+    return int(
+        abs(mission.col[cell] - mission.col[other]) + abs(mission.row[cell] - mission.row[other])
+    )
 
 
 @compiled
-def toward(sea: Sea, cell: int, target: int) -> int:
+def toward(mission: MissionConstants, cell: int, target: int) -> int:
     """Return the next cell on the way to another one, the longer side first; < 0 if none leads."""
-    if sea.next_cell.shape[0] > 0:
-        return int(sea.next_cell[cell, target])
-    east = sea.col[target] - sea.col[cell]
-    north = sea.row[target] - sea.row[cell]
+    if mission.next_cell.shape[0] > 0:
+        return int(mission.next_cell[cell, target])
+    east = mission.col[target] - mission.col[cell]
+    north = mission.row[target] - mission.row[cell]
     if abs(east) >= abs(north):
         return cell + (1 if east > 0 else -1)
-    cols = int(sea.col[-1]) + 1
+    cols = int(mission.col[-1]) + 1
     return cell + (cols if north > 0 else -cols)
 
 
 @compiled
 def lay(
-    sea: Sea, origin_m: complex, track: Ints, size: int, is_reversed: bool, search: Points
+    mission: MissionConstants,
+    origin_m: complex,
+    track: Ints,
+    size: int,
+    is_reversed: bool,
+    search: Points,
 ) -> tuple[int, int]:
     """Write `lay_search` of a track to ``search``; return its length and its ticks."""
-    edge_m = sea.range_m * (1.0 + TOLERANCE)
+    edge_m = mission.range_m * (1.0 + TOLERANCE)
     at_m = origin_m
     length = 0
     ticks = 0
     for place in range(size):
         cell = track[size - 1 - place if is_reversed else place]
-        way_m = sea.centre_m[cell] - at_m
+        way_m = mission.centre_m[cell] - at_m
         far_m = length_of(way_m)
         is_far = far_m > edge_m
         if is_far:
-            more = whole((far_m - sea.range_m) / sea.step_m)
-            if far_m - more * sea.step_m > edge_m:
+            more = whole((far_m - mission.range_m) / mission.step_m)
+            if far_m - more * mission.step_m > edge_m:
                 more += 1
-            at_m += min(more * sea.step_m / far_m, 1.0) * way_m
+            at_m += min(more * mission.step_m / far_m, 1.0) * way_m
         if is_far or length == 0:
             if length > 0:
-                ticks += hop(sea, search[length - 1], at_m)
+                ticks += hop(mission, search[length - 1], at_m)
             search[length] = at_m
             length += 1
     return length, ticks
 
 
 @compiled
-def search_ticks(sea: Sea, search: Points, length: int) -> int:
+def search_ticks(mission: MissionConstants, search: Points, length: int) -> int:
     """Return how long it takes along a search."""
     ticks = 0
     for place in range(length - 1):
-        ticks += hop(sea, search[place], search[place + 1])
+        ticks += hop(mission, search[place], search[place + 1])
     return ticks
 
 
@@ -199,30 +214,36 @@ def search_ticks(sea: Sea, search: Points, length: int) -> int:
 
 
 @compiled
-def ticks_to(sea: Sea, reach: Reach, count: int, point_m: complex) -> int:
+def ticks_to(mission: MissionConstants, reach: Reach, count: int, point_m: complex) -> int:
     """Return how long it takes to a point at worst."""
     ticks = 0
     for place in range(count):
-        ticks = max(ticks, int(reach.ticks[place]) + hop(sea, reach.points[place], point_m))
+        ticks = max(ticks, int(reach.ticks[place]) + hop(mission, reach.points[place], point_m))
     return ticks
 
 
 @compiled
-def ticks_near(sea: Sea, reach: Reach, count: int, point_m: complex) -> float:
+def ticks_near(mission: MissionConstants, reach: Reach, count: int, point_m: complex) -> float:
     """Return how long it takes at least, in parts of ticks, until a point is in range at worst."""
     ticks = 0.0
     for place in range(count):
-        way_m = max(0.0, length_of(reach.points[place] - point_m) - sea.range_m)
-        ticks = max(ticks, reach.ticks[place] + way_m / sea.step_m)
+        way_m = max(0.0, length_of(reach.points[place] - point_m) - mission.range_m)
+        ticks = max(ticks, reach.ticks[place] + way_m / mission.step_m)
     return ticks
 
 
 @compiled
 def follow(
-    sea: Sea, legs: Legs, first: int, end: int, step: int, reach: Reach, scratch: Ints
+    mission: MissionConstants,
+    legs: Legs,
+    first: int,
+    end: int,
+    step: int,
+    reach: Reach,
+    scratch: Ints,
 ) -> int:
     """Write how far a round has come after some AUVs to ``reach``; return its number of points."""
-    reach.points[0] = sea.c3_m
+    reach.points[0] = mission.c3_m
     reach.ticks[0] = 0
     count = 1
     for auv in range(first, end, step):
@@ -230,21 +251,23 @@ def follow(
         length = int(legs.lengths[auv])
         if legs.to_meet[auv]:
             for place in range(length):
-                scratch[place] = ticks_to(sea, reach, count, search[place])
+                scratch[place] = ticks_to(mission, reach, count, search[place])
             count = length
             for place in range(length):
                 reach.points[place] = search[place]
                 reach.ticks[place] = scratch[place]
         else:
             begin_m = search[0] if step > 0 else search[length - 1]
-            ticks = ticks_to(sea, reach, count, begin_m) + search_ticks(sea, search, length)
+            ticks = ticks_to(mission, reach, count, begin_m) + search_ticks(
+                mission, search, length
+            )
             reach.points[0] = search[length - 1] if step > 0 else search[0]
             reach.ticks[0] = ticks
             count = 1
     return count
 
 
-class Desk(NamedTuple):
+class Workspace(NamedTuple):
     """Room to work in, so that nothing is made anew at every meeting."""
 
     before: Reach
@@ -257,10 +280,10 @@ class Desk(NamedTuple):
 
 
 @compiled
-def make_desk(legs: Legs) -> Desk:
+def make_workspace(legs: Legs) -> Workspace:
     """Return the room for the longest paths and searches."""
     cells = legs.searches.shape[1]
-    return Desk(
+    return Workspace(
         Reach(np.empty(cells, np.complex128), np.empty(cells, np.int64)),
         Reach(np.empty(cells, np.complex128), np.empty(cells, np.int64)),
         np.empty(cells, np.int64),
@@ -273,23 +296,24 @@ def make_desk(legs: Legs) -> Desk:
 
 @compiled
 def lay_best(
-    sea: Sea, desk: Desk, before_count: int, after_count: int, size: int
+    mission: MissionConstants, room: Workspace, before_count: int, after_count: int, size: int
 ) -> tuple[int, int]:
-    """Lay the search of the desk's track that makes the shortest round; its length, the round."""
+    """Lay the search of the room's track that makes the shortest round; its length, the round."""
     best = -1
     best_length = 0
-    for origin in range(2):  # where else the UAV may come from or go on to adds little
-        origin_m = desk.before.points[before_count - 1]
-        if origin == 1:
-            origin_m = desk.after.points[after_count - 1]
-        for is_reversed in (False, True):
-            length, ticks = lay(sea, origin_m, desk.track, size, is_reversed, desk.trial)
-            ticks += ticks_to(sea, desk.before, before_count, desk.trial[0])
-            ticks += ticks_to(sea, desk.after, after_count, desk.trial[length - 1])
+    for is_reversed in (False, True):
+        for origin in range(before_count + after_count):
+            if origin < before_count:
+                origin_m = room.before.points[origin]
+            else:
+                origin_m = room.after.points[after_count - 1 - (origin - before_count)]
+            length, ticks = lay(mission, origin_m, room.track, size, is_reversed, room.trial)
+            ticks += ticks_to(mission, room.before, before_count, room.trial[0])
+            ticks += ticks_to(mission, room.after, after_count, room.trial[length - 1])
             if best < 0 or ticks < best:
                 best = ticks
                 best_length = length
-                desk.search[:length] = desk.trial[:length]
+                room.search[:length] = room.trial[:length]
     return best_length, best
 
 
@@ -297,8 +321,15 @@ def lay_best(
 
 
 @compiled
-def walk_on(sea: Sea, legs: Legs, auv: int, tour: Ints, path: Ints) -> int:
-    """Write the next moves along a tour to ``path``; return how many there are, at most q."""
+def walk_on(
+    mission: MissionConstants, legs: Legs, auv: int, tour: Ints, moves_least: int, path: Ints
+) -> int:
+    """
+    Write the next moves along a tour to ``path``; return how many there are, at most q.
+
+    An AUV that is at the end of its tour before so many moves comes nearer to C3: the UAV's round
+    becomes shorter with that.
+    """
     cell = path[0] = legs.tracks[auv, 0]
     moves = 0
     for place in range(legs.begun[auv], tour.size):
@@ -306,166 +337,201 @@ def walk_on(sea: Sea, legs: Legs, auv: int, tour: Ints, path: Ints) -> int:
         if legs.entered[target]:
             continue
         while cell != target:
-            if moves == sea.moves_max:
+            if moves == mission.moves_max:
                 return moves
-            following = toward(sea, cell, target)
+            following = toward(mission, cell, target)
             if following < 0:
                 break
             cell = following
             moves += 1
             path[moves] = cell
-    while 0 < moves < sea.moves_min:  # to and fro at the end: no path may be shorter
-        path[moves + 1] = path[moves - 1]
+    while moves < moves_least:
+        following = toward(mission, cell, mission.home) if cell != mission.home else -1
+        if following < 0:
+            following = path[moves - 1] if moves > 0 else legs.tracks[auv, 1]
+        cell = following
         moves += 1
+        path[moves] = cell
     return moves
 
 
 @compiled
 def hand_over(
-    sea: Sea, legs: Legs, auv: int, tour: Ints, behind: int, now: int, desk: Desk
+    mission: MissionConstants,
+    legs: Legs,
+    auv: int,
+    tour: Ints,
+    behind: int,
+    moves_least: int,
+    now: int,
+    room: Workspace,
 ) -> tuple[int, int, int]:
     """
     Give an AUV its next leg: as much of its tour as is allowed, else it stays in place.
 
-    Returns the cells that it will be the first to enter, the revisits and by how much L is broken.
+    Returns the cells that it will be the first to enter, the moves to the last of them, and by how
+    much L is broken.
     """
     auvs = legs.sizes.size
-    before_count = follow(sea, legs, 0, auv, 1, desk.before, desk.ticks)
-    after_count = follow(sea, legs, auvs - 1, auv, -1, desk.after, desk.ticks)
-    spare = sea.limit - auvs * sea.handover
-    moves = walk_on(sea, legs, auv, tour, desk.path)
+    before_count = follow(mission, legs, 0, auv, 1, room.before, room.ticks)
+    after_count = follow(mission, legs, auvs - 1, auv, -1, room.after, room.ticks)
+    spare = mission.limit_ticks - auvs * mission.handover_ticks
+    moves = walk_on(mission, legs, auv, tour, moves_least, room.path)
     for place in range(1, moves + 1):
-        cell_m = sea.centre_m[desk.path[place]]
-        ticks_there = ticks_near(sea, desk.before, before_count, cell_m)
-        ticks_there += ticks_near(sea, desk.after, after_count, cell_m)
+        cell_m = mission.centre_m[room.path[place]]
+        ticks_there = ticks_near(mission, room.before, before_count, cell_m)
+        ticks_there += ticks_near(mission, room.after, after_count, cell_m)
         if ticks_there > spare * (1.0 + TOLERANCE):
             moves = place - 1  # the UAV cannot come near enough to this one
             break
     late = 0
     length = 0
     size = 0
-    while moves >= sea.moves_min:
+    while moves >= mission.moves_min:
         for place in range(moves + 1):
-            desk.track[place] = desk.path[moves - place]
+            room.track[place] = room.path[moves - place]
         size = moves + 1
         if behind >= 0:
-            desk.track[size] = behind
+            room.track[size] = behind
             size += 1
-        length, ticks = lay_best(sea, desk, before_count, after_count, size)
+        length, ticks = lay_best(mission, room, before_count, after_count, size)
         if ticks <= spare:
             break
         moves -= 1
-    if moves < sea.moves_min:
-        moves = sea.moves_min
-        length, size, late = stay(sea, legs, auv, before_count, after_count, spare, desk)
+    if moves < mission.moves_min:
+        moves = mission.moves_min
+        length, size, late = stay(mission, legs, auv, before_count, after_count, spare, room)
     if length > 0:
-        legs.searches[auv, :length] = desk.search[:length]
+        legs.searches[auv, :length] = room.search[:length]
         legs.lengths[auv] = length
-    legs.tracks[auv, :size] = desk.track[:size]
+    legs.tracks[auv, :size] = room.track[:size]
     legs.sizes[auv] = size
     legs.to_meet[auv] = False
-    legs.deadlines[auv] = now + whole(moves * legs.ticks_per_cell[auv]) + sea.margin
+    legs.deadline_ticks[auv] = now + whole(moves * legs.ticks_per_cell[auv]) + mission.margin_ticks
     new = 0
+    new_until = 0
     for place in range(moves - 1, -1, -1):  # the track is in searching order
-        new += not legs.entered[desk.track[place]]
-        legs.entered[desk.track[place]] = True
+        if not legs.entered[room.track[place]]:
+            legs.entered[room.track[place]] = True
+            new += 1
+            new_until = moves - place
     while legs.begun[auv] < tour.size and legs.entered[tour[legs.begun[auv]]]:
         legs.begun[auv] += 1
-    return new, moves - new, late
+    return new, new_until, late
 
 
 @compiled
 def stay(
-    sea: Sea, legs: Legs, auv: int, before_count: int, after_count: int, spare: int, desk: Desk
+    mission: MissionConstants,
+    legs: Legs,
+    auv: int,
+    before_count: int,
+    after_count: int,
+    spare: int,
+    room: Workspace,
 ) -> tuple[int, int, int]:
     """Lay out to move to and fro in place; the search's length, the track's, what is over L."""
     start, partner = legs.tracks[auv, 0], legs.tracks[auv, 1]
-    edge_m = sea.range_m * (1.0 + TOLERANCE)
+    edge_m = mission.range_m * (1.0 + TOLERANCE)
     best = -1
     for place in range(legs.lengths[auv]):
         point_m = legs.searches[auv, place]
-        if length_of(point_m - sea.centre_m[start]) > edge_m:
+        if length_of(point_m - mission.centre_m[start]) > edge_m:
             continue
-        if length_of(point_m - sea.centre_m[partner]) > edge_m:
+        if length_of(point_m - mission.centre_m[partner]) > edge_m:
             continue
-        ticks = ticks_to(sea, desk.before, before_count, point_m)
-        ticks += ticks_to(sea, desk.after, after_count, point_m)
+        ticks = ticks_to(mission, room.before, before_count, point_m)
+        ticks += ticks_to(mission, room.after, after_count, point_m)
         if best < 0 or ticks < best:
             best = ticks
-            desk.search[0] = point_m
-    for place in range(sea.moves_min + 1):
-        is_at_start = (sea.moves_min - place) % 2 == 0
-        desk.track[place] = start if is_at_start else partner
+            room.search[0] = point_m
+    for place in range(mission.moves_min + 1):
+        is_at_start = (mission.moves_min - place) % 2 == 0
+        room.track[place] = start if is_at_start else partner
     if best < 0:
-        return 0, sea.moves_min + 1, sea.limit
-    return 1, sea.moves_min + 1, max(0, best - spare)
+        return 0, mission.moves_min + 1, mission.limit_ticks
+    return 1, mission.moves_min + 1, max(0, best - spare)
 
 
 # --- sorties -------------------------------------------------------------------------------------
 
 
 @compiled
-def depart(sea: Sea, legs: Legs, now: int, desk: Desk) -> tuple[int, int]:
+def depart(mission: MissionConstants, legs: Legs, now: int, room: Workspace) -> tuple[int, int]:
     """Lay the searches of the next sortie; return when it leaves, by how much it breaks L."""
     auvs = legs.sizes.size
-    at_m = sea.c3_m
+    at_m = mission.c3_m
     kept = 0
     for auv in range(auvs):
-        kept += hop(sea, at_m, legs.searches[auv, 0])
-        kept += search_ticks(sea, legs.searches[auv], legs.lengths[auv])
+        kept += hop(mission, at_m, legs.searches[auv, 0])
+        kept += search_ticks(mission, legs.searches[auv], legs.lengths[auv])
         at_m = legs.searches[auv, legs.lengths[auv] - 1]
-    kept += hop(sea, at_m, sea.c3_m)
-    at_m = sea.c3_m
+    kept += hop(mission, at_m, mission.c3_m)
+    at_m = mission.c3_m
     anew = 0
     for auv in range(auvs):
-        length, ticks = lay(sea, at_m, legs.tracks[auv], legs.sizes[auv], False, desk.trial)
-        anew += hop(sea, at_m, desk.trial[0]) + ticks
-        at_m = desk.trial[length - 1]
-    anew += hop(sea, at_m, sea.c3_m)
+        length, ticks = lay(mission, at_m, legs.tracks[auv], legs.sizes[auv], False, room.trial)
+        anew += hop(mission, at_m, room.trial[0]) + ticks
+        at_m = room.trial[length - 1]
+    anew += hop(mission, at_m, mission.c3_m)
     if anew < kept:
-        at_m = sea.c3_m
+        at_m = mission.c3_m
         for auv in range(auvs):
             search = legs.searches[auv]
-            length, _ = lay(sea, at_m, legs.tracks[auv], legs.sizes[auv], False, search)
+            length, _ = lay(mission, at_m, legs.tracks[auv], legs.sizes[auv], False, search)
             legs.lengths[auv] = length
             at_m = search[length - 1]
-    late = max(0, min(kept, anew) + auvs * sea.handover - sea.limit)
-    leaves = max(now, legs.deadlines[0] - hop(sea, sea.c3_m, legs.searches[0, 0]))
-    rest = 0
-    next_m = sea.c3_m
-    for auv in range(auvs - 1, -1, -1):
-        rest += hop(sea, legs.searches[auv, legs.lengths[auv] - 1], next_m) + sea.handover
-        rest += search_ticks(sea, legs.searches[auv], legs.lengths[auv])
-        next_m = legs.searches[auv, 0]
-        leaves = max(leaves, legs.deadlines[auv] + rest - sea.limit)
+    late = max(0, min(kept, anew) + auvs * mission.handover_ticks - mission.limit_ticks)
+    punctual = legs.deadline_ticks[0] - hop(mission, mission.c3_m, legs.searches[0, 0])
+    leaves = max(punctual, safe_departure(mission, legs, now, -1))
+    edge_m = mission.range_m * (1.0 + TOLERANCE)
+    for auv in range(auvs):  # one that is heard at C3 is met there, and the sortie begins
+        if length_of(mission.centre_m[legs.tracks[auv, 0]] - mission.c3_m) <= edge_m:
+            heard = max(legs.deadline_ticks[auv], now)
+            leaves = min(leaves, max(heard, safe_departure(mission, legs, now, auv)))
     legs.to_meet[:] = True
     return leaves, late
 
 
 @compiled
+def safe_departure(mission: MissionConstants, legs: Legs, now: int, met: int) -> int:
+    """Return from when on no wait makes a sortie longer than L, with one AUV met; -1 if none."""
+    leaves = now
+    rest = 0
+    next_m = mission.c3_m
+    for auv in range(legs.sizes.size - 1, -1, -1):
+        if auv != met:
+            search = legs.searches[auv]
+            length = legs.lengths[auv]
+            rest += hop(mission, search[length - 1], next_m) + mission.handover_ticks
+            rest += search_ticks(mission, search, length)
+            next_m = search[0]
+            leaves = max(leaves, legs.deadline_ticks[auv] + rest - mission.limit_ticks)
+    return leaves
+
+
+@compiled
 def fly(
-    sea: Sea,
+    mission: MissionConstants,
     given: Legs,
     position: Position,
     tours: CellTours,
-    sorties: int,
     stop: float,
-    desk: Desk,
+    room: Workspace,
 ) -> Outcome:
     """
     Return the outcome of the mission that begins now with some tours.
 
     Parameters
     ----------
-    sea, given, position
+    mission, given, position
         The mission and its state, which is not changed.
     tours
         Of all AUVs.
-    sorties
-        So many are flown, the one under way included; what is left then is estimated.
     stop
-        Tick at which a mission is given up that is longer than any of interest.
-    desk
+        Tick at which a mission is given up that is longer than any of interest; how long what is
+        left then takes is estimated.
+    room
         Room to work in.
 
     """
@@ -473,7 +539,7 @@ def fly(
     legs = Legs(
         given.tracks.copy(),
         given.sizes.copy(),
-        given.deadlines.copy(),
+        given.deadline_ticks.copy(),
         given.searches.copy(),
         given.lengths.copy(),
         given.to_meet.copy(),
@@ -487,72 +553,72 @@ def fly(
     last_new = np.zeros(auvs)
     found = np.zeros(auvs)
     for auv in range(auvs):
-        last_new[auv] = max(0, legs.deadlines[auv])
+        last_new[auv] = max(0, legs.deadline_ticks[auv])
     is_met = position.met >= 0
     at_m = position.at_m
-    edge_m = sea.range_m * (1.0 + TOLERANCE)
+    edge_m = mission.range_m * (1.0 + TOLERANCE)
     in_flight = is_met
     now = 0
     explored = 0.0
     revisits = 0
     late = 0
     neglect = 0.0
-    flown = 0
     turn = 0
     waypoint = 0
     while left > 0 and now < stop:
         if not in_flight:
-            if flown == sorties:
-                break
-            now, more = depart(sea, legs, now, desk)
+            now, more = depart(mission, legs, now, room)
             late += more
-            at_m = sea.c3_m
+            at_m = mission.c3_m
             in_flight = True
             turn = 0
             waypoint = 0
         for auv in range(auvs):  # meetings at this tick
             behind = -1
+            moves_least = mission.moves_min
             if is_met and auv == position.met:
                 is_met = False
                 behind = position.behind
+                moves_least = position.moves_least
             else:
-                if not legs.to_meet[auv] or legs.deadlines[auv] > now:
+                if not legs.to_meet[auv] or legs.deadline_ticks[auv] > now:
                     continue
-                if length_of(sea.centre_m[legs.tracks[auv, 0]] - at_m) > edge_m:
+                if length_of(mission.centre_m[legs.tracks[auv, 0]] - at_m) > edge_m:
                     continue
-                neglect += now - max(0, legs.deadlines[auv])
+                neglect += now - max(0, legs.deadline_ticks[auv])
             begin = 0 if auv == 0 else tours.ends[auv - 1]
             tour = tours.cells[begin : tours.ends[auv]]
-            new, again, more = hand_over(sea, legs, auv, tour, behind, now, desk)
-            revisits += again
+            new, new_until, more = hand_over(
+                mission, legs, auv, tour, behind, moves_least, now, room
+            )
             late += more
             if new > 0:
                 left -= new
                 found[auv] += new
-                last_new[auv] = legs.deadlines[auv]
+                revisits += new_until - new
+                last_new[auv] = now + whole(new_until * legs.ticks_per_cell[auv])
         while turn < auvs:  # to the next waypoint that is of use
             if not legs.to_meet[turn]:
                 turn += 1
                 waypoint = 0
-            elif at_m != legs.searches[turn, waypoint] or legs.deadlines[turn] > now:
+            elif at_m != legs.searches[turn, waypoint] or legs.deadline_ticks[turn] > now:
                 break
             else:
                 waypoint += 1
                 if waypoint == legs.lengths[turn]:
                     legs.to_meet[turn] = False  # not on its track: it is not as was assumed
-                    late += sea.limit
-        target_m = legs.searches[turn, waypoint] if turn < auvs else sea.c3_m
+                    late += mission.limit_ticks
+        target_m = legs.searches[turn, waypoint] if turn < auvs else mission.c3_m
         if turn == auvs and at_m == target_m:
             in_flight = False
-            flown += 1
             continue
         now += 1
         way_m = target_m - at_m
         far_m = length_of(way_m)
-        if far_m <= sea.step_m * (1.0 + TOLERANCE):
+        if far_m <= mission.step_m * (1.0 + TOLERANCE):
             at_m = target_m
         else:
-            at_m += sea.step_m / far_m * way_m
+            at_m += mission.step_m / far_m * way_m
     total = 0.0
     for auv in range(auvs):
         if left > 0:  # a mission that is not flown to its end goes on at the pace it had
@@ -562,17 +628,17 @@ def fly(
             for place in range(begin + legs.begun[auv], tours.ends[auv]):
                 target = tours.cells[place]
                 if not legs.entered[target]:
-                    moves += distance(sea, cell, target)
+                    moves += distance(mission, cell, target)
                     cell = target
             if moves > 0:
                 pace = legs.ticks_per_cell[auv]
                 if found[auv] > 0:
-                    took = legs.deadlines[auv] - max(0, given.deadlines[auv])
+                    took = legs.deadline_ticks[auv] - max(0, given.deadline_ticks[auv])
                     pace = max(pace, took / found[auv])
-                last_new[auv] = max(now, legs.deadlines[auv] + moves * pace)
+                last_new[auv] = max(now, legs.deadline_ticks[auv] + moves * pace)
         explored = max(explored, last_new[auv])
         total += last_new[auv]
-    return Outcome(explored, auvs * explored - total, revisits, neglect, late)
+    return Outcome(explored, auvs * explored - total, revisits, neglect, late, left)
 
 
 # --- better tours --------------------------------------------------------------------------------
@@ -591,11 +657,11 @@ class Weights(NamedTuple):
 def cost_of(outcome: Outcome, weights: Weights) -> float:
     """Return what an outcome costs."""
     return (
-        outcome.explored
-        + weights.late * outcome.late
+        outcome.explored_ticks
+        + weights.late * outcome.late_ticks
         + weights.revisit * outcome.revisits
-        + weights.neglect * outcome.neglect
-        + weights.idle * outcome.idle
+        + weights.neglect * outcome.neglect_ticks
+        + weights.idle * outcome.idle_ticks
     )
 
 
@@ -604,7 +670,7 @@ LENGTH_SHARE = 0.2
 
 
 @compiled
-def lengths_of(sea: Sea, legs: Legs, tours: CellTours) -> tuple[float, float]:
+def lengths_of(mission: MissionConstants, legs: Legs, tours: CellTours) -> tuple[float, float]:
     """Return when the last tour is done if nobody ever waits, and what all tours' lengths cost."""
     last = 0.0
     total = 0.0
@@ -613,10 +679,10 @@ def lengths_of(sea: Sea, legs: Legs, tours: CellTours) -> tuple[float, float]:
         cell = legs.tracks[auv, 0]
         moves = 0
         while place < tours.ends[auv]:
-            moves += distance(sea, cell, tours.cells[place])
+            moves += distance(mission, cell, tours.cells[place])
             cell = tours.cells[place]
             place += 1
-        done = max(0, legs.deadlines[auv]) + moves * legs.ticks_per_cell[auv]
+        done = max(0, legs.deadline_ticks[auv]) + moves * legs.ticks_per_cell[auv]
         last = max(last, done)
         total += done
     return last, last + LENGTH_SHARE * total
@@ -653,7 +719,7 @@ def copy_part(tours: CellTours, first: int, stop: int, new: CellTours, size: int
 
 
 @compiled
-def swap_tails(
+def exchange_tails(
     tours: CellTours, auv: int, cut: int, other: int, other_cut: int, new: CellTours
 ) -> None:
     """Let two tours end as the other one did, from a place in each."""
@@ -714,7 +780,7 @@ PART_MAX = 8
 
 @compiled
 def propose(
-    sea: Sea,
+    mission: MissionConstants,
     tours: CellTours,
     owners: Ints,
     places: Ints,
@@ -724,11 +790,11 @@ def propose(
     """Write tours in which a cell and a neighbour of it come one after the other; False if not."""
     cell = tours.cells[draw(rng, tours.cells.size)]
     side = draw(rng, 4)
-    col = sea.col[cell] + (1 if side == 0 else -1 if side == 2 else 0)
-    row = sea.row[cell] + (1 if side == 1 else -1 if side == 3 else 0)
-    if not (0 <= col <= sea.col[-1] and 0 <= row <= sea.row[-1]):
+    col = mission.col[cell] + (1 if side == 0 else -1 if side == 2 else 0)
+    row = mission.row[cell] + (1 if side == 1 else -1 if side == 3 else 0)
+    if not (0 <= col <= mission.col[-1] and 0 <= row <= mission.row[-1]):
         return False
-    neighbour = row * (sea.col[-1] + 1) + col
+    neighbour = row * (mission.col[-1] + 1) + col
     auv = owners[cell]
     place = places[cell]
     begin = 0 if auv == 0 else tours.ends[auv - 1]
@@ -741,14 +807,16 @@ def propose(
         if other == auv:
             reverse(new.cells, begin, place)
         else:
-            swap_tails(tours, auv, place, other, 0 if other == 0 else tours.ends[other - 1], new)
+            exchange_tails(
+                tours, auv, place, other, 0 if other == 0 else tours.ends[other - 1], new
+            )
         return True
     beside = places[neighbour]
     if auv == other and abs(place - beside) == 1 and rng.random() < 0.7:
         return False  # they are already, and are seldom to be parted
     if rng.random() < 0.5:
         if auv != other:
-            swap_tails(tours, auv, place + 1, other, beside, new)
+            exchange_tails(tours, auv, place + 1, other, beside, new)
         elif place < beside:
             reverse(new.cells, place + 1, beside)
         elif rng.random() < 0.5:
@@ -767,14 +835,14 @@ def propose(
     return True
 
 
-class Cooling(NamedTuple):
+class CoolingSchedule(NamedTuple):
     """How tours are improved by simulated annealing."""
 
     tries: int
     """So many tours are looked at."""
-    warmth: float
+    start_temperature: float
     """Tours that are so many ticks worse are taken with probability 1/e at the beginning ..."""
-    coolness: float
+    end_temperature: float
     """... and those that are so many ticks worse at the end."""
 
 
@@ -787,47 +855,49 @@ HOPELESS = 2.0
 
 @compiled
 def anneal(
-    sea: Sea,
+    mission: MissionConstants,
     legs: Legs,
     position: Position,
     tours: CellTours,
-    sorties: int,
+    is_flown: bool,
     weights: Weights,
-    cooling: Cooling,
+    schedule: CoolingSchedule,
     rng: np.random.Generator,
 ) -> tuple[CellTours, CellTours, float]:
     """
     Improve tours by simulated annealing; return the last ones, the best ones and their cost.
 
-    With ``sorties`` 0 nothing is flown: then the tours' lengths are all that counts. Else they are
-    looked at first: what makes tours longer makes missions longer, and is known a hundred times as
-    fast.
+    Without flying, the tours' lengths are all that counts. Else they are looked at first: what
+    makes tours longer makes missions longer, and is known a hundred times as fast.
     """
-    desk = make_desk(legs)
+    room = make_workspace(legs)
     owners = np.empty(legs.entered.size, np.int64)
     places = np.empty(legs.entered.size, np.int64)
     new = CellTours(tours.cells.copy(), tours.ends.copy())
     best = tours
     length = cost = best_cost = math.inf
-    last, _ = lengths_of(sea, legs, tours)
-    stop_at_last = stop = HOPELESS * (last + sea.limit)
-    temperature = cooling.warmth
+    last, _ = lengths_of(mission, legs, tours)
+    stop_at_last = stop = HOPELESS * (last + mission.limit_ticks)
+    temperature = schedule.start_temperature
     tries = 0
-    for proposal in range(100 * cooling.tries):  # those that come to nothing must come to an end
-        if tries == cooling.tries:
+    for proposal in range(100 * schedule.tries):  # those that come to nothing must come to an end
+        if tries == schedule.tries:
             break
-        if proposal > 0 and not propose(sea, tours, owners, places, rng, new):
+        if proposal > 0 and not propose(mission, tours, owners, places, rng, new):
             continue
-        _, new_length = lengths_of(sea, legs, new)
-        if sorties == 0:
+        _, new_length = lengths_of(mission, legs, new)
+        if not is_flown:
             new_cost = new_length
         elif proposal > 0 and new_length > length - temperature * math.log(rng.random()):
             continue
         else:
-            new_cost = cost_of(fly(sea, legs, position, new, sorties, stop, desk), weights)
+            new_cost = cost_of(fly(mission, legs, position, new, stop, room), weights)
         tries += 1
-        share = tries / cooling.tries
-        temperature = cooling.warmth * (cooling.coolness / cooling.warmth) ** share
+        share = tries / schedule.tries
+        temperature = (
+            schedule.start_temperature
+            * (schedule.end_temperature / schedule.start_temperature) ** share
+        )
         if new_cost <= cost or rng.random() < math.exp((cost - new_cost) / temperature):
             cost = new_cost
             length = new_length
@@ -841,8 +911,10 @@ def anneal(
 
 
 @compiled
-def foresee(sea: Sea, legs: Legs, position: Position, tours: CellTours) -> Outcome:
+def foresee(
+    mission: MissionConstants, legs: Legs, position: Position, tours: CellTours
+) -> Outcome:
     """Return the outcome of a mission that is flown to its end, if it has one."""
-    last, _ = lengths_of(sea, legs, tours)
-    stop = HOPELESS * (last + sea.limit)
-    return fly(sea, legs, position, tours, legs.entered.size, stop, make_desk(legs))
+    last, _ = lengths_of(mission, legs, tours)
+    stop = HOPELESS * (last + mission.limit_ticks)
+    return fly(mission, legs, position, tours, stop, make_workspace(legs))

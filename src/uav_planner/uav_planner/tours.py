@@ -15,12 +15,14 @@ from scipy.sparse.csgraph import dijkstra
 from msgs_json.geometry import GridSpec, Point, whole_ticks
 from uav_planner.mission_rollout import (
     CellTours,
-    Cooling,
+    CoolingSchedule,
     Legs,
+    MissionConstants,
+    Outcome,
     Position,
-    Sea,
     Weights,
     anneal,
+    cost_of,
     foresee,
     walk_on,
 )
@@ -64,6 +66,8 @@ class TourProblem:
         The AUV that is being met; None at C3.
     cell, behind
         Where that AUV is, as in `PlanRequest`.
+    moves_least
+        Moves that it is to make at least, also where nothing is left of its tour.
 
     """
 
@@ -75,6 +79,7 @@ class TourProblem:
     met: str | None = None
     cell: Cell | None = None
     behind: Cell | None = None
+    moves_least: int = 0
 
     @property
     def first(self) -> int:
@@ -86,21 +91,25 @@ class TourProblem:
         """Return the cell from which the tour of each AUV goes on."""
         return [self.number(self._track(leg)[0]) for leg in self.legs]
 
-    def sea(self) -> Sea:
+    def constants(self) -> MissionConstants:
         """Return the mission as compiled code takes it."""
         mission = self.mission
         next_cell, moves_between = ways(mission.grid)
         row, col = np.divmod(np.arange(self.values.size), mission.grid.cols)
-        return Sea(
+        centre_m = (col + 0.5 + 1j * (row + 0.5)).astype(np.complex128) * mission.grid.cell_m
+        c3_m = complex(mission.c3.east_m, mission.c3.north_m)
+        to_c3_m = np.where(mission.grid.mask.ravel(), np.inf, abs(centre_m - c3_m))
+        return MissionConstants(
             col=col,
             row=row,
-            centre_m=(col + 0.5 + 1j * (row + 0.5)).astype(np.complex128) * mission.grid.cell_m,
+            centre_m=centre_m,
             range_m=mission.radio_range_m,
             step_m=mission.step_m,
-            c3_m=complex(mission.c3.east_m, mission.c3.north_m),
-            limit=mission.limit_ticks,
-            handover=mission.handover_ticks,
-            margin=whole_ticks(mission.surface_margin_s / mission.tick_s),
+            c3_m=c3_m,
+            home=int(to_c3_m.argmin()),
+            limit_ticks=mission.limit_ticks,
+            handover_ticks=mission.handover_ticks,
+            margin_ticks=whole_ticks(mission.surface_margin_s / mission.tick_s),
             moves_max=mission.path_cells,
             moves_min=mission.min_path_cells,
             next_cell=next_cell,
@@ -127,7 +136,7 @@ class TourProblem:
         return Legs(
             tracks=tracks,
             sizes=sizes,
-            deadlines=np.array(
+            deadline_ticks=np.array(
                 [
                     0 if leg.auv == self.met else self._ticks(leg.surface_deadline_s)
                     for leg in self.legs
@@ -149,25 +158,29 @@ class TourProblem:
             at_m=complex(self.position.east_m, self.position.north_m),
             met=self.first,
             behind=-1 if self.behind is None else self.number(self.behind),
+            moves_least=max(self.moves_least, self.mission.min_path_cells),
         )
 
     def path_along(self, tours: CellTours) -> tuple[Cell, ...]:
         """Return the path of at most q moves along the tour of the AUV that is being met."""
-        state = self.state()
+        constants, state, uav = self.constants(), self.state(), self.uav()
         path = np.empty(state.tracks.shape[1], np.int64)
-        moves = walk_on(self.sea(), state, self.first, tour_of(tours, self.first), path)
+        tour = tour_of(tours, self.first)
+        moves = walk_on(constants, state, self.first, tour, uav.moves_least, path)
         return tuple(self.cell_of(number) for number in path[: moves + 1].tolist())
 
-    def last_of(self, tours: CellTours) -> Cell | None:
-        """Return the last cell of the tour of the AUV that is being met, None if it has none."""
-        tour = tour_of(tours, self.first)
-        return self.cell_of(int(tour[-1])) if tour.size > 0 else None
+    def foreseen(self, tours: CellTours) -> Outcome:
+        """Return what the rest of the mission comes to with some tours."""
+        return foresee(self.constants(), self.state(), self.uav(), tours)
 
     def moves_until_explored(self, tours: CellTours) -> int:
         """Return how many moves the AUV that is being met can make until all is explored."""
-        state = self.state()
-        outcome = foresee(self.sea(), state, self.uav(), tours)
-        return math.ceil(outcome.explored / float(state.ticks_per_cell[self.first]))
+        ticks_per_cell = float(self.state().ticks_per_cell[self.first])
+        return math.ceil(self.foreseen(tours).explored_ticks / ticks_per_cell)
+
+    def cost(self, tours: CellTours) -> float:
+        """Return what tours cost when they are flown to the end, ticks."""
+        return cost_of(self.foreseen(tours), WEIGHTS)
 
     def named(self, tours: CellTours) -> Tours:
         """Return tours as planners hand them on."""
@@ -236,37 +249,31 @@ class Improved(NamedTuple):
 def improved(
     problem: TourProblem,
     tours: CellTours,
-    sorties: int,
-    cooling: Cooling,
+    is_flown: bool,
+    schedule: CoolingSchedule,
     rng: np.random.Generator,
 ) -> Improved:
     """
     Return better tours, found by simulated annealing.
 
-    With ``sorties`` 0 those count as better that are shorter and end together; else those with
-    which the mission, flown for so many sorties, is done sooner.
+    Better are those with which the mission, flown to its end, is done sooner; if none is flown,
+    those that are shorter and end together.
     """
     return Improved(
         *anneal(
-            problem.sea(),
+            problem.constants(),
             problem.state(),
             problem.uav(),
             tours,
-            sorties,
+            is_flown,
             WEIGHTS,
-            cooling,
+            schedule,
             rng,
         )
     )
 
 
-def cost_of_flying(problem: TourProblem, tours: CellTours) -> float:
-    """Return what tours cost when they are flown to the end, ticks."""
-    only_these = Cooling(tries=1, warmth=1.0, coolness=1.0)
-    return improved(problem, tours, tours.cells.size, only_these, np.random.default_rng(0)).cost
-
-
-WEIGHTS = Weights(late=10.0, revisit=5.0, neglect=0.5, idle=0.1)
+WEIGHTS = Weights(late=10.0, revisit=5.0, neglect=1.0, idle=0.1)
 """
 Ticks of the mission that a tick over L, a revisit, a tick of neglect or of idleness count.
 
@@ -439,6 +446,5 @@ def warm_up() -> None:
         cell=(1, 0),
     )
     tours = lanes(problem)
-    improved(problem, tours, 1, Cooling(2, 1.0, 1.0), np.random.default_rng(0))
+    improved(problem, tours, True, CoolingSchedule(2, 1.0, 1.0), np.random.default_rng(0))
     problem.path_along(tours)
-    problem.moves_until_explored(tours)

@@ -12,14 +12,13 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from uav_planner.guarantee import GuaranteedPaths
-from uav_planner.mission_rollout import CellTours, Cooling
+from uav_planner.mission_rollout import CellTours, CoolingSchedule
 from uav_planner.planners.robust import RobustPlanner
 from uav_planner.planning import LookAhead, Prospect
 from uav_planner.tours import (
     TourProblem,
     carried_on,
     check_region,
-    cost_of_flying,
     improved,
     lanes,
     strips,
@@ -79,8 +78,8 @@ WORK = {
     Effort.FAST: Work(
         changes_per_cell=500,
         start_slices=4,
-        flown_starts=1,
-        flown_slices=4,
+        flown_starts=2,
+        flown_slices=6,
         slice_meetings=50_000,
         meetings_in_flight=5_000,
     ),
@@ -88,7 +87,7 @@ WORK = {
         changes_per_cell=500,
         start_slices=12,
         flown_starts=4,
-        flown_slices=12,
+        flown_slices=18,
         slice_meetings=100_000,
         meetings_in_flight=20_000,
     ),
@@ -108,17 +107,14 @@ SLICE_CHANGES = 50_000
 SLICE_CELLS = 40_000_000
 """Changes tried in a slice, and cells moved by them, at most: less than a second."""
 
-START_WARMTHS = (2.5, 10.0, 5.0, 5.0, 10.0, 2.5)
+START_TEMPERATURES = (2.5, 10.0, 5.0, 5.0, 10.0, 2.5)
 """Starts differ in how much disorder they begin with, strips and lanes by turns."""
 STARTS_MIN = 2
-START_COOLNESS = 0.1
-GROUND_COOLING = (6.0, 0.3)
-STRIPS_COOLING = (2.5, 0.3)
-FLIGHT_COOLING = (2.0, 0.3)
+START_END_TEMPERATURE = 0.1
+GROUND_TEMPERATURES = (6.0, 0.3)
+STRIPS_TEMPERATURES = (2.5, 0.3)
+FLIGHT_TEMPERATURES = (2.0, 0.3)
 """Ticks by which flown tours may be worse, at the beginning and at the end of improving them."""
-
-TO_THE_END = 1_000_000
-"""More sorties than any mission has."""
 
 
 class AdaptivePlanner:
@@ -208,10 +204,16 @@ class AdaptivePlanner:
         tours = carried_on(problem, request.tours)
         if tours.cells.size == 0:
             return guaranteed.plan(None)
-        cooling = Cooling(_flights(problem, self._work.meetings_in_flight), *FLIGHT_COOLING)
-        tours = improved(problem, tours, TO_THE_END, cooling, np.random.default_rng(0)).best
+        schedule = CoolingSchedule(
+            _flights(problem, self._work.meetings_in_flight), *FLIGHT_TEMPERATURES
+        )
+        tours = improved(problem, tours, True, schedule, np.random.default_rng(0)).best
+        problem = _kept_busy(problem, tours)
         path = _next_path(problem, tours, guaranteed)
-        plan = guaranteed.plan(path) if path else self._leg_planner.plan_path(request)
+        if path is None and problem.foreseen(tours).left > 0:
+            plan = self._leg_planner.plan_path(request)
+        else:
+            plan = guaranteed.plan(path)
         return replace(plan, tours=problem.named(tours))
 
 
@@ -219,7 +221,7 @@ class _Start(NamedTuple):
     """Tours to begin with, and how they are made short and of equal length."""
 
     tours: CellTours
-    coolings: list[Cooling]
+    schedules: list[CoolingSchedule]
     number: int
 
 
@@ -237,11 +239,14 @@ def _starts(problem: TourProblem, work: Work) -> list[_Start]:
     changes = min(changes_max, work.changes_per_cell * cells // slices_each)
     starts = [_Start(along_strips, [], 0)]
     for kind in range(max(STARTS_MIN, work.start_slices // slices_each)):
-        coolings = _schedule(
-            START_WARMTHS[kind % len(START_WARMTHS)], START_COOLNESS, changes, slices_each
+        schedules = _schedule(
+            START_TEMPERATURES[kind % len(START_TEMPERATURES)],
+            START_END_TEMPERATURE,
+            changes,
+            slices_each,
         )
         tours = (along_strips, along_lanes)[kind % 2]
-        starts.append(_Start(tours, coolings, kind + 1))
+        starts.append(_Start(tours, schedules, kind + 1))
     return starts
 
 
@@ -249,7 +254,7 @@ def _look_ahead(problem: TourProblem, work: Work) -> Iterator[LookAhead]:
     """Yield the tours planned so far, slice by slice."""
     starts = _starts(problem, work)
     flown_starts = min(len(starts), work.flown_starts)
-    slices = sum(len(start.coolings) for start in starts) + flown_starts * work.flown_slices
+    slices = sum(len(start.schedules) for start in starts) + flown_starts * work.flown_slices
     best_cost, best = math.inf, starts[0].tours
     found: list[tuple[float, int, CellTours]] = []
     done = 0
@@ -257,30 +262,30 @@ def _look_ahead(problem: TourProblem, work: Work) -> Iterator[LookAhead]:
         rng = np.random.default_rng(start.number)
         tours = shortest = start.tours
         length = math.inf
-        for cooling in start.coolings:
-            tours, candidate, cost = improved(problem, tours, 0, cooling, rng)
+        for schedule in start.schedules:
+            tours, candidate, cost = improved(problem, tours, False, schedule, rng)
             if cost < length:
                 length, shortest = cost, candidate
             done += 1
             yield LookAhead(share=done / slices, tours=problem.named(best))
-        found.append((cost_of_flying(problem, shortest), start.number, shortest))
+        found.append((problem.cost(shortest), start.number, shortest))
         best_cost, _, best = min(found)
     flights = _flights(problem, work.slice_meetings)
     for _, number, tours in sorted(found)[:flown_starts]:
         rng = np.random.default_rng(number)
-        warmth_to_coolness = GROUND_COOLING if number > 0 else STRIPS_COOLING
-        for cooling in _schedule(*warmth_to_coolness, flights, work.flown_slices):
-            tours, candidate, cost = improved(problem, tours, TO_THE_END, cooling, rng)
+        temperatures = GROUND_TEMPERATURES if number > 0 else STRIPS_TEMPERATURES
+        for schedule in _schedule(*temperatures, flights, work.flown_slices):
+            tours, candidate, cost = improved(problem, tours, True, schedule, rng)
             if cost < best_cost:
                 best_cost, best = cost, candidate
             done += 1
             yield LookAhead(share=done / slices, tours=problem.named(best))
 
 
-def _schedule(warmth: float, coolness: float, tries: int, slices: int) -> list[Cooling]:
+def _schedule(first: float, last: float, tries: int, slices: int) -> list[CoolingSchedule]:
     """Return one cooling cut into slices."""
-    steps = np.geomspace(warmth, coolness, slices + 1).tolist()
-    return [Cooling(tries, *pair) for pair in itertools.pairwise(steps)]
+    steps = np.geomspace(first, last, slices + 1).tolist()
+    return [CoolingSchedule(tries, *pair) for pair in itertools.pairwise(steps)]
 
 
 @functools.lru_cache(maxsize=16)
@@ -298,19 +303,24 @@ def _flights(problem: TourProblem, meetings: int) -> int:
     return max(1, meetings // each)
 
 
+def _kept_busy(problem: TourProblem, tours: CellTours) -> TourProblem:
+    """
+    Return the problem with as many moves for the AUV that is met as it should make at least.
+
+    At the end of its tour it goes on until all is explored, unless others have to wait for it: to
+    lie at the surface, where ships are, would not be sooner done.
+    """
+    moves = len(problem.path_along(tours)) - 1
+    moves_max = min(problem.mission.path_cells, problem.moves_until_explored(tours))
+    trials = [replace(problem, moves_least=least) for least in range(moves_max, moves, -1)]
+    return min([*trials, problem], key=lambda trial: trial.cost(tours))
+
+
 def _next_path(
     problem: TourProblem, tours: CellTours, guaranteed: GuaranteedPaths
 ) -> tuple[Cell, ...] | None:
-    """
-    Return the longest allowed path along a tour, None if none is.
-
-    One that ends before all is explored goes on to and fro: to lie at the surface, where ships
-    are, would not be sooner done.
-    """
+    """Return the longest allowed path along a tour, None if none is."""
     path = problem.path_along(tours)
-    if problem.last_of(tours) in path[1:]:
-        moves = min(problem.moves_until_explored(tours), problem.mission.path_cells)
-        path = (*path, *(path[-2 + at % 2] for at in range(moves - len(path) + 1)))
     while len(path) > problem.mission.min_path_cells:
         if guaranteed.allows(path):
             return path
