@@ -15,8 +15,9 @@ from test_lower_bound import tiny
 from c3_station.bench_families import FAMILIES, Family, family_scenario
 from c3_station.in_process import fly
 from c3_station.scenario_files import load_scenario
+from c3_station.scenario_generator import USUAL_MODELS, Span, generate_scenario
 from c3_station.summary import Summarizer, Summary
-from uav_planner.planners.adaptive import WORK, AdaptivePlanner, Effort
+from uav_planner.planners.adaptive import WORK, AdaptivePlanner, Effort, VisitingOrder
 from uav_planner.tours import TourProblem, joined
 
 if TYPE_CHECKING:
@@ -104,6 +105,42 @@ def test_reference_mission_with_normal_effort() -> None:
     surfaced_s = {auv.name: scenario.region.cell_m / auv.speed_mps for auv in scenario.auvs}
     before_s = sum(first_s[auv] - surfaced_s[auv] for auv in surfaced_s)
     assert sum(summary.neglect_s.values()) - before_s <= 0.02 * summary.explored_s
+
+
+def test_the_visiting_order_can_be_planned() -> None:
+    base = load_scenario('ecc2009')
+    first, second, third = base.auvs
+    # To the farthest one first: that keeps the others waiting.
+    scenario = msgspec.structs.replace(base, auvs=(second, first, third))
+    fixed, planned = (
+        flown(scenario, AdaptivePlanner(effort=Effort.MINIMAL, visiting_order=order))
+        for order in (VisitingOrder.FIXED, VisitingOrder.PLANNED)
+    )
+    assert met_first(planned) != met_first(fixed)
+    assert planned.explored_s is not None
+    assert fixed.explored_s is not None
+    assert planned.explored_s < fixed.explored_s
+
+
+@pytest.mark.parametrize('auvs', [2, 3, 7])
+def test_missions_in_a_planned_visiting_order_keep_the_limit(auvs: int) -> None:
+    asked = {'auvs': Span(least=auvs, most=auvs), 'cols': Span(least=4, most=8)}
+    orders = set()
+    for seed in range(4):
+        scenario = generate_scenario(seed, asked, USUAL_MODELS)
+        planner = AdaptivePlanner(effort=Effort.MINIMAL, visiting_order=VisitingOrder.PLANNED)
+        summary = flown(scenario, planner)
+        assert summary.complete
+        assert summary.sortie_limit_violations == 0
+        assert summary.missed_total == 0
+        orders.add(tuple(met_first(summary)))
+    assert len(orders) > 1
+
+
+def met_first(summary: Summary) -> list[str]:
+    """Return the AUVs in the order in which they were first met."""
+    met = (meeting.auv for sortie in summary.sorties for meeting in sortie.meetings)
+    return list(dict.fromkeys(met))
 
 
 def test_same_request_same_answer() -> None:

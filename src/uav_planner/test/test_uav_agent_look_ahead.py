@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import dataclasses
 from typing import TYPE_CHECKING
 
 import pytest
-from uav_bench import PATHS, Bench, OneStep, order
+from uav_bench import PATHS, Bench, OneStep, events, of, order
 
 from msgs_json.agent import Log, Output
 from msgs_json.messages import PlanningAhead, SortieDeparted
@@ -42,6 +43,16 @@ class Visionary(OneStep):
         for number, tours in enumerate(TOURS, start=1):
             self.began.append(f'slice {number}')
             yield LookAhead(share=number / len(TOURS), tours=tours)
+
+
+class Orderly(Visionary):
+    """Turns the visiting order round in its second slice."""
+
+    def look_ahead(self, request: SortieRequest) -> Iterator[LookAhead]:
+        auvs = tuple(leg.auv for leg in request.legs)
+        orders = (auvs, auvs[::-1], auvs[::-1])
+        for ahead, turned in zip(super().look_ahead(request), orders, strict=True):
+            yield dataclasses.replace(ahead, visiting_order=turned)
 
 
 def worked_off(bench: Bench) -> list[Output]:
@@ -121,3 +132,25 @@ def test_a_planner_that_goes_from_leg_to_leg_has_nothing_to_plan_ahead(name: str
     bench = Bench(make_planner(name)).ordered(radio_range_m=10.0)
     assert bench.agent.is_busy
     assert worked_off(bench) == []
+
+
+@pytest.mark.parametrize('slices', [1, 2, 3])
+def test_the_first_sortie_goes_out_in_the_visiting_order_planned_so_far(slices: int) -> None:
+    planner = Orderly()
+    bench = Bench(planner).ordered()
+    for _ in range(slices):
+        bench.agent.work(bench.now_s)
+    (first,) = of(SortieDeparted, events(bench.until(SortieDeparted)))
+    auvs = tuple(PATHS)
+    assert first.sortie == 1
+    assert first.order == (auvs if slices == 1 else auvs[::-1])
+    bench.meet(first.order[0])
+    assert tuple(leg.auv for leg in planner.requests[0].legs) == first.order
+
+
+def test_in_flight_nothing_is_planned_ahead_any_more() -> None:
+    bench = Bench(Orderly()).ordered()
+    bench.agent.work(bench.now_s)
+    bench.until(SortieDeparted)
+    assert bench.agent.work(bench.now_s) == []
+    assert not bench.agent.is_busy

@@ -105,6 +105,11 @@ class Fleet:
     # --- who and where ---------------------------------------------------------------------------
 
     @property
+    def visiting_order(self) -> tuple[str, ...]:
+        """Return all AUVs in the order in which sorties go to them."""
+        return tuple(self._auvs)
+
+    @property
     def lost(self) -> tuple[str, ...]:
         """Return the AUVs that are given up and were not heard since."""
         return tuple(name for name, auv in self._auvs.items() if auv.lost)
@@ -159,6 +164,8 @@ class Fleet:
         """Let the planner plan the whole mission; yield the share that is done, slice by slice."""
         for ahead in self._planner.look_ahead(self._sortie_request(frozenset(), now_s)):
             self._tours = ahead.tours
+            if ahead.visiting_order:
+                self._auvs = {name: self._auvs[name] for name in ahead.visiting_order}
             yield ahead.share
 
     def _sortie_request(self, overlooked: frozenset[str], now_s: float) -> SortieRequest:

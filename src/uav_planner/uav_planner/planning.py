@@ -1,8 +1,8 @@
 """
 What a planner is: the values it is given, the values it returns, the protocol it implements.
 
-Planners are pure: same request, same answer. They read no clock, draw no random numbers and
-mutate nothing they are given.
+Planners are pure: same request, same answer. They read no clock and mutate nothing they are given;
+those that draw random numbers make their generators anew for every request, from fixed seeds.
 """
 
 from __future__ import annotations
@@ -201,6 +201,8 @@ class LookAhead:
     """Of the work that is done, 0 to 1."""
     tours: Tours
     """The best so far."""
+    visiting_order: tuple[str, ...] = ()
+    """That goes with them; empty where the AUVs are visited in the order in which they come."""
 
 
 class Planner(Protocol):

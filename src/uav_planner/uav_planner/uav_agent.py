@@ -162,10 +162,17 @@ class UavAgent:
                 return [Refuse(src, Refusal.UNEXPECTED, detail)]
 
     def work(self, now_s: float) -> list[Output]:
-        """Plan the whole mission ahead, one slice further."""
-        share = next(self._look_ahead, None)
+        """Plan the whole mission ahead, one slice further; on the ground only."""
+        sortie = self._sortie
+        is_on_ground = sortie is not None and sortie.departed_s is None
+        share = next(self._look_ahead, None) if is_on_ground else None
         self.is_busy = share is not None
-        return [Log(PlanningAhead(share=round(share, 2)), now_s)] if share is not None else []
+        if share is None:
+            return []
+        if sortie is not None and sortie.order != sortie.fleet.visiting_order:
+            self._sortie = None
+            self._sortie = self._plan_sortie(sortie.fleet, overlooked=frozenset())
+        return [Log(PlanningAhead(share=round(share, 2)), now_s)]
 
     # --- the order -------------------------------------------------------------------------------
 

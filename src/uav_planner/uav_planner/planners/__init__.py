@@ -17,11 +17,11 @@ if TYPE_CHECKING:
     from uav_planner.planning import Planner
 
 
-def _make_adaptive(*, effort: str = 'normal') -> Planner:
+def _make_adaptive(*, effort: str = 'normal', visiting_order: str = 'fixed') -> Planner:
     """Make an adaptive planner; imported only then, for its libraries take long to import."""
     from uav_planner.planners.adaptive import make_adaptive
 
-    return make_adaptive(effort=effort)
+    return make_adaptive(effort=effort, visiting_order=visiting_order)
 
 
 PLANNERS: Mapping[str, Callable[..., Planner]] = MappingProxyType(

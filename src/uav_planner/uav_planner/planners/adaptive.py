@@ -7,11 +7,11 @@ import functools
 import itertools
 import math
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple, TypeVar
 
 import numpy as np
 
-from uav_planner.guarantee import GuaranteedPaths
+from uav_planner.guarantee import GuaranteedPaths, guaranteed_sortie
 from uav_planner.mission_rollout import CellTours, CoolingSchedule
 from uav_planner.planners.robust import RobustPlanner
 from uav_planner.planning import LookAhead, Prospect
@@ -28,7 +28,7 @@ from uav_planner.tours import (
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from msgs_json.geometry import Cell
+    from msgs_json.geometry import Cell, Point
     from uav_planner.planning import (
         MissionSpec,
         PlanRequest,
@@ -37,6 +37,9 @@ if TYPE_CHECKING:
         SortieRequest,
         SurveyLeg,
     )
+
+
+Option = TypeVar('Option', bound=enum.Enum)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -101,6 +104,21 @@ WORK = {
     ),
 }
 
+
+class VisitingOrder(enum.Enum):
+    """In which order sorties go to the AUVs."""
+
+    FIXED = 'fixed'
+    """In which they come in the scenario."""
+    PLANNED = 'planned'
+    """Chosen once, before take-off."""
+
+
+PERMUTED_AUVS_MAX = 5
+"""All orders of so many AUVs are tried; of more those in which one is visited out of turn."""
+FLOWN_ORDERS = 3
+"""With so many of the best of them tours are improved by flying them."""
+
 START_SLICES_MAX = 10
 """A start takes no more slices than this."""
 SLICE_CHANGES = 50_000
@@ -125,13 +143,21 @@ class AdaptivePlanner:
     ----------
     effort
         How thoroughly.
+    visiting_order
+        Whether to choose it.
 
     """
 
     guarantees_limit = True
 
-    def __init__(self, *, effort: Effort = Effort.NORMAL) -> None:
+    def __init__(
+        self,
+        *,
+        effort: Effort = Effort.NORMAL,
+        visiting_order: VisitingOrder = VisitingOrder.FIXED,
+    ) -> None:
         self._work = WORK[effort]
+        self._visiting_order = visiting_order
         self._leg_planner = RobustPlanner()
         warm_up()
 
@@ -145,19 +171,27 @@ class AdaptivePlanner:
         if request.values is None or not (request.values == 1.0).any():
             return
         values = request.values.tobytes()
-        known = _known(request.mission, request.legs, values, request.now_s, self._work)
+        known = _known(
+            request.mission, request.legs, values, request.now_s, self._work, self._visiting_order
+        )
         if known:
             yield from known
             return
-        problem = TourProblem(
-            mission=request.mission,
-            legs=request.legs,
-            values=request.values.copy(),
-            now_s=request.now_s,
-            position=request.mission.c3,
-        )
+        requests = [request]
+        if self._visiting_order is VisitingOrder.PLANNED:
+            requests = _other_orders(request)
+        problems = [
+            TourProblem(
+                mission=each.mission,
+                legs=each.legs,
+                values=request.values.copy(),
+                now_s=each.now_s,
+                position=each.mission.c3,
+            )
+            for each in requests
+        ]
         slices = []
-        for ahead in _look_ahead(problem, self._work):
+        for ahead in _look_ahead(problems, self._work):
             slices.append(ahead)
             yield ahead
         known += slices  # all or nothing: this one may be broken off
@@ -250,36 +284,95 @@ def _starts(problem: TourProblem, work: Work) -> list[_Start]:
     return starts
 
 
-def _look_ahead(problem: TourProblem, work: Work) -> Iterator[LookAhead]:
-    """Yield the tours planned so far, slice by slice."""
-    starts = _starts(problem, work)
+def _other_orders(request: SortieRequest) -> list[SortieRequest]:
+    """
+    Return the first sortie in its visiting order and in others that keep L.
+
+    The searches of the first legs are laid for each order.
+    """
+    requests = [request]
+    for legs in _orders(request.legs):
+        in_order = replace(request, legs=tuple(replace(leg, search=()) for leg in legs))
+        try:
+            route = guaranteed_sortie(in_order).route
+        except ValueError:
+            continue  # the round is too long with this one
+        searches: dict[str, tuple[Point, ...]] = {}
+        for waypoint in route:
+            searches[waypoint.auv] = (*searches.get(waypoint.auv, ()), waypoint.point)
+        legs = tuple(replace(leg, search=searches[leg.auv]) for leg in legs)
+        requests.append(replace(request, legs=legs))
+    return requests
+
+
+def _orders(legs: tuple[SurveyLeg, ...]) -> Iterator[tuple[SurveyLeg, ...]]:
+    """Yield legs in other orders than this."""
+    if len(legs) <= PERMUTED_AUVS_MAX:
+        yield from itertools.islice(itertools.permutations(legs), 1, None)
+        return
+    for here, there in itertools.permutations(range(len(legs)), 2):
+        if here != there + 1:  # that is the same as the other one moved the other way
+            rest = [*legs[:here], *legs[here + 1 :]]
+            yield (*rest[:there], legs[here], *rest[there:])
+
+
+class _Candidate(NamedTuple):
+    """Tours planned before take-off, for one visiting order; they are ranked by their cost."""
+
+    cost: float
+    start: int
+    """Number of the start that they come from."""
+    order: int
+    """Number of the visiting order."""
+    tours: CellTours
+
+
+def _look_ahead(problems: list[TourProblem], work: Work) -> Iterator[LookAhead]:
+    """Yield the best tours so far, slice by slice; the problems differ in the visiting order."""
+    starts = _starts(problems[0], work)
     flown_starts = min(len(starts), work.flown_starts)
-    slices = sum(len(start.schedules) for start in starts) + flown_starts * work.flown_slices
-    best_cost, best = math.inf, starts[0].tours
-    found: list[tuple[float, int, CellTours]] = []
-    done = 0
+    flown_orders = min(len(problems), FLOWN_ORDERS)
+    slices = sum(len(start.schedules) for start in starts)
+    slices += flown_orders * flown_starts * work.flown_slices
+    done = itertools.count(1)
+    best = _Candidate(math.inf, 0, 0, starts[0].tours)
+
+    def ahead() -> LookAhead:
+        problem = problems[best.order]
+        return LookAhead(
+            share=next(done) / slices,
+            tours=problem.named(best.tours),
+            visiting_order=tuple(leg.auv for leg in problem.legs),
+        )
+
+    found: list[_Candidate] = []
     for start in starts:
         rng = np.random.default_rng(start.number)
         tours = shortest = start.tours
         length = math.inf
         for schedule in start.schedules:
-            tours, candidate, cost = improved(problem, tours, False, schedule, rng)
+            tours, candidate, cost = improved(problems[0], tours, False, schedule, rng)
             if cost < length:
                 length, shortest = cost, candidate
-            done += 1
-            yield LookAhead(share=done / slices, tours=problem.named(best))
-        found.append((problem.cost(shortest), start.number, shortest))
-        best_cost, _, best = min(found)
-    flights = _flights(problem, work.slice_meetings)
-    for _, number, tours in sorted(found)[:flown_starts]:
-        rng = np.random.default_rng(number)
-        temperatures = GROUND_TEMPERATURES if number > 0 else STRIPS_TEMPERATURES
-        for schedule in _schedule(*temperatures, flights, work.flown_slices):
-            tours, candidate, cost = improved(problem, tours, True, schedule, rng)
-            if cost < best_cost:
-                best_cost, best = cost, candidate
-            done += 1
-            yield LookAhead(share=done / slices, tours=problem.named(best))
+            yield ahead()
+        by_auv = problems[0].named(shortest)
+        for order, problem in enumerate(problems):
+            tours = carried_on(problem, by_auv)
+            found.append(_Candidate(problem.cost(tours), start.number, order, tours))
+        best = min(found)
+    found.sort()
+    for order in list(dict.fromkeys(each.order for each in found))[:flown_orders]:
+        problem = problems[order]
+        flights = _flights(problem, work.slice_meetings)
+        for each in [each for each in found if each.order == order][:flown_starts]:
+            rng = np.random.default_rng(each.start)
+            temperatures = GROUND_TEMPERATURES if each.start > 0 else STRIPS_TEMPERATURES
+            tours = each.tours
+            for schedule in _schedule(*temperatures, flights, work.flown_slices):
+                tours, candidate, cost = improved(problem, tours, True, schedule, rng)
+                if cost < best.cost:
+                    best = _Candidate(cost, each.start, order, candidate)
+                yield ahead()
 
 
 def _schedule(first: float, last: float, tries: int, slices: int) -> list[CoolingSchedule]:
@@ -290,7 +383,12 @@ def _schedule(first: float, last: float, tries: int, slices: int) -> list[Coolin
 
 @functools.lru_cache(maxsize=16)
 def _known(
-    mission: MissionSpec, legs: tuple[SurveyLeg, ...], values: bytes, now_s: float, work: Work
+    mission: MissionSpec,
+    legs: tuple[SurveyLeg, ...],
+    values: bytes,
+    now_s: float,
+    work: Work,
+    visiting_order: VisitingOrder,
 ) -> list[LookAhead]:
     """Return what was planned for the same mission; those that differ only in chance share it."""
     return []
@@ -328,21 +426,31 @@ def _next_path(
     return None
 
 
-def make_adaptive(*, effort: str = Effort.NORMAL.value) -> AdaptivePlanner:
+def make_adaptive(
+    *, effort: str = Effort.NORMAL.value, visiting_order: str = VisitingOrder.FIXED.value
+) -> AdaptivePlanner:
     """
     Plan whole missions ahead, and keep L whatever the AUVs do.
 
-    Options are as in scenario files: ``effort``, 'minimal', 'fast', 'normal' or 'thorough'.
+    Options are as in scenario files: ``effort``, 'minimal', 'fast', 'normal' or 'thorough', and
+    ``visiting_order``, 'fixed' or 'planned'.
 
     Raises
     ------
     ValueError
-        There is no such effort.
+        There is no such effort, or no such visiting order.
 
     """
+    return AdaptivePlanner(
+        effort=_member(Effort, 'effort', effort),
+        visiting_order=_member(VisitingOrder, 'visiting_order', visiting_order),
+    )
+
+
+def _member(kind: type[Option], option: str, value: str) -> Option:
+    """Return the member of an enumeration that has a value."""
     try:
-        chosen = Effort(effort)
+        return kind(value)
     except ValueError:
-        allowed = ', '.join(each.value for each in Effort)
-        raise ValueError(f"effort must be one of {allowed}, not '{effort}'") from None
-    return AdaptivePlanner(effort=chosen)
+        allowed = ', '.join(each.value for each in kind)
+        raise ValueError(f"{option} must be one of {allowed}, not '{value}'") from None
