@@ -85,7 +85,7 @@ def test_a_mission_on_time_is_flown_as_foreseen(name: str, apart: float) -> None
 def test_the_reference_mission_is_explored_almost_as_fast_as_physics_allows() -> None:
     summary = flown(load_scenario('ecc2009'), AdaptivePlanner(effort=Effort.FAST))
     assert summary.explored_s is not None
-    assert summary.explored_s <= 360.0  # normal effort: 350
+    assert summary.explored_s <= 352.0  # normal effort: 350
     assert summary.revisits <= 3
     assert summary.sortie_limit_violations == 0
 

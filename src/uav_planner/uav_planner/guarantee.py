@@ -75,11 +75,7 @@ class GuaranteedPaths:
     def __init__(self, request: PlanRequest) -> None:
         self._mission = mission = request.mission
         self._behind = request.behind
-        legs = [
-            leg
-            for leg in request.legs
-            if leg.auv == request.auv or leg.prospect is not Prospect.ASTRAY
-        ]
+        legs = request.round_legs
         turn = next((turn for turn, leg in enumerate(legs) if leg.auv == request.auv), None)
         if turn is None:
             raise ValueError(

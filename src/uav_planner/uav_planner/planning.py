@@ -135,6 +135,13 @@ class PlanRequest:
     tours: Tours = field(default_factory=dict)
     """What the planner had in mind when it planned last."""
 
+    @property
+    def round_legs(self) -> tuple[SurveyLeg, ...]:
+        """Return the legs that the next round goes to: those of all but who was sought in vain."""
+        return tuple(
+            leg for leg in self.legs if leg.auv == self.auv or leg.prospect is not Prospect.ASTRAY
+        )
+
 
 class PlanStatus(enum.Enum):
     """How a plan came about."""

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from uav_planner.planning import Prospect
-
 if TYPE_CHECKING:
     from uav_planner.planning import PlanRequest
 
@@ -19,10 +17,7 @@ def is_at_a_standstill(request: PlanRequest) -> bool:
     if request.values[index_of(request.cell)] > STUCK_VALUE:
         return False
     entered = (
-        cell
-        for leg in request.legs
-        if leg.auv != request.auv and leg.prospect is not Prospect.ASTRAY
-        for cell in leg.path[1:]
+        cell for leg in request.round_legs if leg.auv != request.auv for cell in leg.path[1:]
     )
     # A cell entered once is new.
     return not any(request.values[index_of(cell)] == 0.5 for cell in entered)

@@ -14,7 +14,7 @@ import numpy as np
 from uav_planner.guarantee import GuaranteedPaths, guaranteed_sortie
 from uav_planner.mission_rollout import CellTours, CoolingSchedule
 from uav_planner.planners.robust import RobustPlanner
-from uav_planner.planning import LookAhead, Prospect
+from uav_planner.planning import LookAhead
 from uav_planner.tours import (
     TourProblem,
     carried_on,
@@ -120,19 +120,26 @@ FLOWN_ORDERS = 3
 """With so many of the best of them tours are improved by flying them."""
 
 START_SLICES_MAX = 10
-"""A start takes no more slices than this."""
+"""A start takes no more slices than this, however many cells there are."""
 SLICE_CHANGES = 50_000
 SLICE_CELLS = 40_000_000
 """Changes tried in a slice, and cells moved by them, at most: less than a second."""
 
+# Temperatures are in ticks by which tours may be worse: at first about as much as a revisit, so
+# that tours change a lot, at last less than anything counts. Nothing hangs on the exact figures:
+# with half or twice as much at first the reference mission takes as long, on average over seeds.
 START_TEMPERATURES = (2.5, 10.0, 5.0, 5.0, 10.0, 2.5)
 """Starts differ in how much disorder they begin with, strips and lanes by turns."""
 STARTS_MIN = 2
+"""One from strips and one from lanes."""
 START_END_TEMPERATURE = 0.1
+"""Then hardly any detour is taken any more."""
 GROUND_TEMPERATURES = (6.0, 0.3)
+"""At the beginning and at the end of improving tours by flying them before take-off ..."""
 STRIPS_TEMPERATURES = (2.5, 0.3)
+"""... strips as they are, which would not outlast the other ones ..."""
 FLIGHT_TEMPERATURES = (2.0, 0.3)
-"""Ticks by which flown tours may be worse, at the beginning and at the end of improving them."""
+"""... and in flight, where tours are good already."""
 
 
 class AdaptivePlanner:
@@ -223,14 +230,10 @@ class AdaptivePlanner:
         guaranteed = GuaranteedPaths(request)
         problem = TourProblem(
             mission=request.mission,
-            legs=tuple(
-                leg
-                for leg in request.legs
-                if leg.auv == request.auv or leg.prospect is not Prospect.ASTRAY
-            ),
+            legs=request.round_legs,
             values=request.values,
             now_s=request.now_s,
-            position=request.position or request.mission.c3,
+            position=request.mission.c3 if request.position is None else request.position,
             met=request.auv,
             cell=request.cell,
             behind=request.behind,

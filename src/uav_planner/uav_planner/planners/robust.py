@@ -10,7 +10,7 @@ import numpy as np
 from uav_planner.candidate_paths import DOCUMENTED_TIE_ORDER, TieOrder
 from uav_planner.guarantee import GuaranteedPaths, guaranteed_sortie
 from uav_planner.leg_search import LegScore, best_leg, check_moves, warm_up
-from uav_planner.planning import Planner, Prospect
+from uav_planner.planning import Planner
 from uav_planner.standstill import is_at_a_standstill
 
 if TYPE_CHECKING:
@@ -137,8 +137,7 @@ def _is_to_make_room(request: PlanRequest, moves_left: NDArray[np.float64]) -> b
     if not is_at_a_standstill(request):
         return False
     index_of = request.mission.grid.index
-    legs = [leg for leg in request.legs if leg.prospect is not Prospect.ASTRAY]
-    ends = {leg.auv: leg.path[-1] for leg in legs} | {request.auv: request.cell}
+    ends = {leg.auv: leg.path[-1] for leg in request.round_legs} | {request.auv: request.cell}
     nearest = min(ends, key=lambda auv: moves_left[index_of(ends[auv])])  # the first of several
     return nearest != request.auv
 
