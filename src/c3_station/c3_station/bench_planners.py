@@ -7,6 +7,7 @@ planner refuses a mission, that its process dies: all of that is a result.
 
 from __future__ import annotations
 
+import itertools
 import math
 import os
 from contextlib import contextmanager
@@ -145,7 +146,17 @@ def fly_attempts(
 
 @contextmanager
 def _progress_bar(console: Console, total: int) -> Iterator[Callable[[], None]]:
-    """Show a bar; yields what to call for each mission flown."""
+    """Show a bar, or a line for every tenth mission in a log; yields what to call for each."""
+    if not console.is_terminal:
+        numbers = itertools.count(1)
+
+        def count() -> None:
+            number = next(numbers)
+            if number % 10 == 0 or number == total:
+                console.print(f'{number} of {total} missions', highlight=False)
+
+        yield count
+        return
     with Progress(
         TextColumn('missions'),
         BarColumn(),
