@@ -10,6 +10,9 @@ from bag_contents import recorded
 from c3_station.cli import main
 from c3_station.exit_codes import ExitCode
 
+PLANNED = ('planner.options.effort=fast', 'planner.options.visiting_order=planned')
+"""Another visiting order than in the scenario comes of it."""
+
 UNCERTAIN = """
 name: uncertain
 description: two AUVs that come up early on half of their legs, and a tick that is no whole second
@@ -45,7 +48,7 @@ def flown(scenario: str, out: Path, *options: str) -> dict[str, list[tuple[int, 
     [
         ('ecc2009', []),
         ('uncertain', []),
-        ('ecc2009', ['--planner', 'adaptive', '--set', 'planner.options.effort=fast']),
+        ('ecc2009', ['--planner', 'adaptive', '--set', *PLANNED]),
     ],
     ids=['ecc2009', 'uncertain', 'planned_ahead'],
 )
