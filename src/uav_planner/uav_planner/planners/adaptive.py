@@ -79,7 +79,7 @@ WORK = {
         flown_starts=8,
         flown_slices=24,
         slice_meetings=100_000,
-        meetings_in_flight=75_000,
+        meetings_in_flight=50_000,
     ),
 }
 
