@@ -11,7 +11,6 @@ from c3_station.cli import main
 from c3_station.exit_codes import ExitCode
 
 PLANNED = ('planner.options.effort=fast', 'planner.options.visiting_order=planned')
-"""Another visiting order than in the scenario comes of it."""
 
 UNCERTAIN = """
 name: uncertain

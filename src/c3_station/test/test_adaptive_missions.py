@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
     from c3_station.scenario import Scenario
     from uav_planner.mission_rollout import Outcome
-    from uav_planner.planning import LookAhead, SortieRequest
+    from uav_planner.planning import LookAhead, PlanRequest, PlanResult, SortieRequest
 
 
 def flown(scenario: Scenario, planner: AdaptivePlanner) -> Summary:
@@ -58,34 +58,30 @@ class Foreseeing(AdaptivePlanner):
 
 
 @pytest.mark.parametrize(
-    ('name', 'apart'),
+    'name',
     [
-        ('minimal', 0.0),
-        ('ecc2009', 0.0),
-        ('harbour', 0.0),
-        ('cove_tight', 0.0),  # AUVs are met from C3 there
-        # The planner tries fewer searches than the UAV does, so that a path may come out longer.
-        pytest.param('fleet_8', 0.01, marks=pytest.mark.slow),
+        'minimal',
+        'ecc2009',
+        'harbour',
+        'cove_tight',  # AUVs are met from C3 there
+        pytest.param('fleet_8', marks=pytest.mark.slow),
     ],
 )
-def test_a_mission_on_time_is_flown_as_foreseen(name: str, apart: float) -> None:
+def test_a_mission_on_time_is_flown_as_foreseen(name: str) -> None:
     planner = Foreseeing()
     families = {family.name: family for family in FAMILIES}
     is_family = name in families
     scenario = family_scenario(families[name], 1, 'adaptive') if is_family else load_scenario(name)
     summary = flown(scenario, planner)
     assert planner.foreseen is not None
-    # Ticks are seconds here.
-    assert summary.explored_s == pytest.approx(
-        planner.foreseen.explored_ticks, rel=apart, abs=1e-6
-    )
+    assert summary.explored_s == pytest.approx(planner.foreseen.explored_ticks)  # ticks of 1 s
     assert summary.sortie_limit_violations == 0
 
 
 def test_the_reference_mission_is_explored_almost_as_fast_as_physics_allows() -> None:
     summary = flown(load_scenario('ecc2009'), AdaptivePlanner(effort=Effort.FAST))
     assert summary.explored_s is not None
-    assert summary.explored_s <= 352.0  # normal effort: 350
+    assert summary.explored_s <= 352.0  # as long as it took when this was written, and a little
     assert summary.revisits <= 3
     assert summary.sortie_limit_violations == 0
 
@@ -122,19 +118,35 @@ def test_the_visiting_order_can_be_planned() -> None:
     assert planned.explored_s < fixed.explored_s
 
 
+class NotingOrders(AdaptivePlanner):
+    """Chooses the visiting order, and notes which one it is at each meeting."""
+
+    def __init__(self) -> None:
+        super().__init__(effort=Effort.MINIMAL, visiting_order=VisitingOrder.PLANNED)
+        self.orders: list[tuple[str, ...]] = []
+
+    def plan_path(self, request: PlanRequest) -> PlanResult:
+        self.orders.append(tuple(leg.auv for leg in request.legs))
+        return super().plan_path(request)
+
+
 @pytest.mark.parametrize('auvs', [2, 3, 7])
-def test_missions_in_a_planned_visiting_order_keep_the_limit(auvs: int) -> None:
+def test_missions_in_a_planned_visiting_order_keep_to_it_and_to_the_limit(auvs: int) -> None:
     asked = {'auvs': Span(least=auvs, most=auvs), 'cols': Span(least=4, most=8)}
-    orders = set()
+    changed = 0
     for seed in range(4):
+        planner = NotingOrders()
         scenario = generate_scenario(seed, asked, USUAL_MODELS)
-        planner = AdaptivePlanner(effort=Effort.MINIMAL, visiting_order=VisitingOrder.PLANNED)
         summary = flown(scenario, planner)
         assert summary.complete
         assert summary.sortie_limit_violations == 0
         assert summary.missed_total == 0
-        orders.add(tuple(met_first(summary)))
-    assert len(orders) > 1
+        order = planner.orders[0]
+        assert all(
+            later == tuple(auv for auv in order if auv in later) for later in planner.orders
+        )
+        changed += order != tuple(auv.name for auv in scenario.auvs)
+    assert changed > 0
 
 
 def met_first(summary: Summary) -> list[str]:

@@ -9,7 +9,7 @@ import pytest
 from uav_bench import PATHS, Bench, OneStep, events, of, order
 
 from msgs_json.agent import Log, Output
-from msgs_json.messages import PlanningAhead, SortieDeparted
+from msgs_json.messages import PlanningAhead, SortieDeparted, SortieReturned
 from uav_planner.planners import PLANNERS, make_planner
 from uav_planner.planning import LookAhead, PlanRequest, PlanResult, Tours
 
@@ -148,9 +148,16 @@ def test_the_first_sortie_goes_out_in_the_visiting_order_planned_so_far(slices: 
     assert tuple(leg.auv for leg in planner.requests[0].legs) == first.order
 
 
-def test_in_flight_nothing_is_planned_ahead_any_more() -> None:
+def test_with_the_first_departure_planning_ahead_ends() -> None:
     bench = Bench(Orderly()).ordered()
     bench.agent.work(bench.now_s)
     bench.until(SortieDeparted)
-    assert bench.agent.work(bench.now_s) == []
     assert not bench.agent.is_busy
+    assert bench.agent.work(bench.now_s) == []
+    for auv in PATHS:
+        bench.meet(auv)
+    bench.until(SortieReturned)
+    assert bench.agent.work(bench.now_s) == []  # not for the second sortie, either
+    (second,) = of(SortieDeparted, events(bench.until(SortieDeparted)))
+    assert second.sortie == 2
+    assert second.order == tuple(PATHS)

@@ -24,19 +24,21 @@ def compiled(function: Callable[P, R]) -> Callable[P, R]:
     """
     dispatcher = numba.njit(cache=True, nogil=True, error_model='numpy')(function)
     if isinstance(dispatcher, numba.core.registry.CPUDispatcher):  # else compiling is turned off
-        _drop_stale(Path(dispatcher.stats.cache_path or ''), function)
+        _drop_stale(dispatcher.stats.cache_path, function)
     fast: Callable[P, R] = dispatcher
     return fast
 
 
-def _drop_stale(cache: Path, function: Callable[P, R]) -> None:
+def _drop_stale(cache: str | None, function: Callable[P, R]) -> None:
     """
     Remove what is kept of a function as it was before its file changed.
 
     The cache does that, too, but loads what it has first, and fails if a class in it is gone.
     """
+    if cache is None:
+        return
     source = Path(function.__code__.co_filename)
-    for index in cache.glob(f'{source.stem}.{function.__qualname__}-*.nbi'):
+    for index in Path(cache).glob(f'{source.stem}.{function.__qualname__}-*.nbi'):
         with contextlib.suppress(FileNotFoundError):  # another process was faster
             if index.stat().st_mtime < source.stat().st_mtime:
                 index.unlink()

@@ -164,8 +164,10 @@ class Fleet:
         """Let the planner plan the whole mission; yield the share that is done, slice by slice."""
         for ahead in self._planner.look_ahead(self._sortie_request(frozenset(), now_s)):
             self._tours = ahead.tours
-            if ahead.visiting_order:
+            if ahead.visiting_order not in ((), self.visiting_order):
                 self._auvs = {name: self._auvs[name] for name in ahead.visiting_order}
+                for auv in self._auvs.values():
+                    auv.search = ()  # to be laid along the new round
             yield ahead.share
 
     def _sortie_request(self, overlooked: frozenset[str], now_s: float) -> SortieRequest:

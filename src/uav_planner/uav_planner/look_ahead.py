@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from uav_planner.guarantee import guaranteed_sortie
+from uav_planner.guarantee import guaranteed_sortie, least_limit_s
 from uav_planner.mission_rollout import CellTours, CoolingSchedule
 from uav_planner.planning import LookAhead
 from uav_planner.tours import TourProblem, carried_on, improved, lanes, strips
@@ -40,9 +40,13 @@ class Work:
 
 
 PERMUTED_AUVS_MAX = 5
-"""All orders of so many AUVs are tried; of more those in which one is visited out of turn."""
+"""All visiting orders of so many AUVs are looked at, ..."""
+PLACES_MAX = 3
+"""... of more AUVs those in which one of them is moved by up to so many places, ..."""
+ORDERS_MAX = 24
+"""... tours are flown once in so many with the shortest rounds, ..."""
 FLOWN_ORDERS = 3
-"""With so many of the best of them tours are improved by flying them."""
+"""... and are improved in so many of the best: that takes nearly all of the time."""
 
 START_SLICES_MAX = 10
 """A start takes no more slices than this, however many cells there are."""
@@ -51,8 +55,7 @@ SLICE_CELLS = 40_000_000
 """Changes tried in a slice, and cells moved by them, at most: less than a second."""
 
 # Temperatures are in ticks by which tours may be worse: at first about as much as a revisit, so
-# that tours change a lot, at last less than anything counts. Nothing hangs on the exact figures:
-# with half or twice as much at first the reference mission takes as long, on average over seeds.
+# that tours change a lot, at last less than anything counts.
 START_TEMPERATURES = (2.5, 10.0, 5.0, 5.0, 10.0, 2.5)
 """Starts differ in how much disorder they begin with, strips and lanes by turns."""
 STARTS_MIN = 2
@@ -66,7 +69,11 @@ STRIPS_TEMPERATURES = (2.5, 0.3)
 
 
 class _Candidate(NamedTuple):
-    """Tours planned before take-off, for one visiting order; they are ranked by their cost."""
+    """
+    Tours planned before take-off, for one visiting order; they are ranked by their cost.
+
+    No two have the same start and order, so that tours themselves are never compared.
+    """
 
     cost: float
     start: int
@@ -159,19 +166,22 @@ def _starts(problem: TourProblem, work: Work) -> list[_Start]:
 
 def in_other_orders(request: SortieRequest) -> list[SortieRequest]:
     """
-    Return the first sortie in its visiting order and in others that keep L.
+    Return the first sortie in its visiting order and in others with the shortest rounds within L.
 
     The searches of the first legs are laid for each order.
     """
+    mission = request.mission
     requests = [request]
-    for legs in _orders(request.legs):
-        in_order = replace(request, legs=tuple(replace(leg, search=()) for leg in legs))
-        try:
-            route = guaranteed_sortie(in_order).route
-        except ValueError:
-            continue  # the round is too long with this one
+    ranked = sorted(
+        (least_limit_s(mission, legs), number, legs)
+        for number, legs in enumerate(_orders(request.legs))
+    )
+    for needed_s, _, legs in ranked[:ORDERS_MAX]:
+        if needed_s > mission.limit_ticks * mission.tick_s:
+            break
+        unlaid = tuple(replace(leg, search=()) for leg in legs)
         searches: dict[str, tuple[Point, ...]] = {}
-        for waypoint in route:
+        for waypoint in guaranteed_sortie(replace(request, legs=unlaid)).route:
             searches[waypoint.auv] = (*searches.get(waypoint.auv, ()), waypoint.point)
         legs = tuple(replace(leg, search=searches[leg.auv]) for leg in legs)
         requests.append(replace(request, legs=legs))
@@ -179,14 +189,16 @@ def in_other_orders(request: SortieRequest) -> list[SortieRequest]:
 
 
 def _orders(legs: tuple[SurveyLeg, ...]) -> Iterator[tuple[SurveyLeg, ...]]:
-    """Yield legs in other orders than this."""
+    """Yield legs in other orders than this, each once."""
     if len(legs) <= PERMUTED_AUVS_MAX:
         yield from itertools.islice(itertools.permutations(legs), 1, None)
         return
-    for here, there in itertools.permutations(range(len(legs)), 2):
-        if here != there + 1:  # that is the same as the other one moved the other way
-            rest = [*legs[:here], *legs[here + 1 :]]
-            yield (*rest[:there], legs[here], *rest[there:])
+    for here, leg in enumerate(legs):
+        rest = [*legs[:here], *legs[here + 1 :]]
+        for there in range(max(0, here - PLACES_MAX), min(len(rest), here + PLACES_MAX) + 1):
+            # One place forward is the same as the one before it one place back.
+            if there not in (here, here - 1):
+                yield (*rest[:there], leg, *rest[there:])
 
 
 def _schedule(first: float, last: float, tries: int, slices: int) -> list[CoolingSchedule]:

@@ -162,15 +162,14 @@ class UavAgent:
                 return [Refuse(src, Refusal.UNEXPECTED, detail)]
 
     def work(self, now_s: float) -> list[Output]:
-        """Plan the whole mission ahead, one slice further; on the ground only."""
-        sortie = self._sortie
-        is_on_ground = sortie is not None and sortie.departed_s is None
-        share = next(self._look_ahead, None) if is_on_ground else None
+        """Plan the whole mission ahead, one slice further; that ends with the first departure."""
+        share = next(self._look_ahead, None)
         self.is_busy = share is not None
         if share is None:
             return []
+        sortie = self._sortie
         if sortie is not None and sortie.order != sortie.fleet.visiting_order:
-            self._sortie = None
+            self._sortie = None  # it was never flown: the next one is the first one, too
             self._sortie = self._plan_sortie(sortie.fleet, overlooked=frozenset())
         return [Log(PlanningAhead(share=round(share, 2)), now_s)]
 
@@ -287,6 +286,8 @@ class UavAgent:
         """Begin a sortie, at the time to leave or with an AUV that is met at C3."""
         mission = sortie.mission
         sortie.departed_s = self._now_s
+        # What is planned for the ground is out of date, and from now on the visiting order stays.
+        self._look_ahead, self.is_busy = iter(()), False
         self._headway = self._headway.next_sortie()
         points = (mission.c3, *(waypoint.point for waypoint in sortie.plan.route), mission.c3)
         departed = SortieDeparted(

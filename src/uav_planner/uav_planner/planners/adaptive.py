@@ -226,8 +226,8 @@ def _kept_busy(problem: TourProblem, tours: CellTours) -> TourProblem:
     """
     Return the problem with as many moves for the AUV that is met as it should make at least.
 
-    At the end of its tour it goes on until all is explored, unless others have to wait for it: to
-    lie at the surface, where ships are, would not be sooner done.
+    At the end of its tour it goes on for as many moves as cost the least, the most of those that
+    cost the same: a shorter path would leave it at the surface, among ships, for nothing.
     """
     moves = len(problem.path_along(tours)) - 1
     moves_max = min(problem.mission.path_cells, problem.moves_until_explored(tours))
