@@ -164,7 +164,7 @@ class GuaranteedPaths:
         moves = self._mission.min_path_cells
         paths = [
             tuple(itertools.islice(itertools.cycle((request.cell, partner)), moves + 1))
-            for partner in _partners(request, leg)
+            for partner in (leg.beside(request.cell) if self._behind is None else [self._behind])
         ]
         if not paths:
             raise ValueError(f'{leg.auv} is at {list(request.cell)}, which is not on its leg')
@@ -306,19 +306,6 @@ def _reach(mission: MissionSpec, searches: Iterable[tuple[SurveyLeg, Search]]) -
             ticks = (reach.ticks_to_point(search[0]) + search_ticks(mission, search),)
             reach = Reach(points=search[-1:], ticks=ticks, mission=mission)
     return reach
-
-
-def _partners(request: PlanRequest, leg: SurveyLeg) -> list[Cell]:
-    """Return the cells with which an AUV can move to and fro where it was met."""
-    if request.behind is not None:
-        return [request.behind]
-    partners = [
-        partner
-        for pair in itertools.pairwise(leg.track)
-        for cell, partner in (pair, pair[::-1])
-        if cell == request.cell
-    ]
-    return list(dict.fromkeys(partners))
 
 
 # --- the next sortie -----------------------------------------------------------------------------

@@ -7,6 +7,20 @@ sorties departed, AUVs met and made to wait as `guarantee`, `sortie` and the UAV
 long as every AUV surfaces where and when its path ends. Complex numbers are points, east + i north
 in metres; ticks count from now; cells are numbered row by row.
 
+Simplifications:
+
+- AUVs surface at the last cell of their path and no sooner than they must, margin included; the
+  margin is rounded up to ticks by itself. None surfaces early, strays or breaks down.
+- One that is met between two cells goes on as if from the last one that it entered.
+- A meeting takes no time, be time kept free for it or not: nothing said is lost, no answer is
+  waited for. Those heard at the same tick are met in visiting order.
+- Every sortie goes to all AUVs in visiting order and searches to the end. Where that breaks L, or
+  somebody is not heard, that is counted as late; the UAV would leave AUVs out, turn home, give up.
+- Of the sortie under way, a search that has begun begins anew.
+- Where nothing of its tour is allowed, an AUV stays in place. The planner asks `robust` instead
+  where the mission would not be explored with that.
+- It ends when the last path is handed out: neglect after that is not counted.
+
 It is one file because its functions call each other, see `compilation`.
 """
 
@@ -381,26 +395,22 @@ def hand_over(
         cell_m = mission.centre_m[room.path[place]]
         ticks_there = ticks_near(mission, room.before, before_count, cell_m)
         ticks_there += ticks_near(mission, room.after, after_count, cell_m)
-        if ticks_there > spare * (1.0 + TOLERANCE):
+        if whole(ticks_there) > spare:
             moves = place - 1  # the UAV cannot come near enough to this one
             break
     late = 0
     length = 0
     size = 0
     while moves >= mission.moves_min:
-        for place in range(moves + 1):
-            room.track[place] = room.path[moves - place]
-        size = moves + 1
-        if behind >= 0:
-            room.track[size] = behind
-            size += 1
+        size = turn_round(room, moves, behind)
         length, ticks = lay_best(mission, room, before_count, after_count, size)
         if ticks <= spare:
             break
         moves -= 1
     if moves < mission.moves_min:
         moves = mission.moves_min
-        length, size, late = stay(mission, legs, auv, before_count, after_count, spare, room)
+        length, late = stay(mission, legs, auv, before_count, after_count, spare, room)
+        size = turn_round(room, moves, behind)
     if length > 0:
         legs.searches[auv, :length] = room.search[:length]
         legs.lengths[auv] = length
@@ -421,6 +431,17 @@ def hand_over(
 
 
 @compiled
+def turn_round(room: Workspace, moves: int, behind: int) -> int:
+    """Write the track of the room's path and of what is behind its start; return its size."""
+    for place in range(moves + 1):
+        room.track[place] = room.path[moves - place]
+    if behind < 0:
+        return moves + 1
+    room.track[moves + 1] = behind
+    return moves + 2
+
+
+@compiled
 def stay(
     mission: MissionConstants,
     legs: Legs,
@@ -429,28 +450,32 @@ def stay(
     after_count: int,
     spare: int,
     room: Workspace,
-) -> tuple[int, int, int]:
-    """Lay out to move to and fro in place; the search's length, the track's, what is over L."""
+) -> tuple[int, int]:
+    """Lay out to move to and fro in place; return the search's length and what is over L."""
     start, partner = legs.tracks[auv, 0], legs.tracks[auv, 1]
     edge_m = mission.range_m * (1.0 + TOLERANCE)
     best = -1
-    for place in range(legs.lengths[auv]):
-        point_m = legs.searches[auv, place]
-        if length_of(point_m - mission.centre_m[start]) > edge_m:
+    for edge in range(legs.sizes[auv] - 1):
+        here, there = legs.tracks[auv, edge], legs.tracks[auv, edge + 1]
+        if start not in (here, there):
             continue
-        if length_of(point_m - mission.centre_m[partner]) > edge_m:
-            continue
-        ticks = ticks_to(mission, room.before, before_count, point_m)
-        ticks += ticks_to(mission, room.after, after_count, point_m)
-        if best < 0 or ticks < best:
-            best = ticks
-            room.search[0] = point_m
+        for place in range(legs.lengths[auv]):
+            point_m = legs.searches[auv, place]
+            if length_of(point_m - mission.centre_m[here]) > edge_m:
+                continue
+            if length_of(point_m - mission.centre_m[there]) > edge_m:
+                continue
+            ticks = ticks_to(mission, room.before, before_count, point_m)
+            ticks += ticks_to(mission, room.after, after_count, point_m)
+            if best < 0 or ticks < best:
+                best = ticks
+                partner = there if here == start else here
+                room.search[0] = point_m
     for place in range(mission.moves_min + 1):
-        is_at_start = (mission.moves_min - place) % 2 == 0
-        room.track[place] = start if is_at_start else partner
+        room.path[place] = start if place % 2 == 0 else partner
     if best < 0:
-        return 0, mission.moves_min + 1, mission.limit_ticks
-    return 1, mission.moves_min + 1, max(0, best - spare)
+        return 0, mission.limit_ticks
+    return 1, max(0, best - spare)
 
 
 # --- sorties -------------------------------------------------------------------------------------
@@ -608,6 +633,7 @@ def fly(
                 if waypoint == legs.lengths[turn]:
                     legs.to_meet[turn] = False  # not on its track: it is not as was assumed
                     late += mission.limit_ticks
+                    now += 1  # or a sortie that need not leave C3 would be flown for ever
         target_m = legs.searches[turn, waypoint] if turn < auvs else mission.c3_m
         if turn == auvs and at_m == target_m:
             in_flight = False
@@ -792,6 +818,8 @@ def propose(
     new: CellTours,
 ) -> bool:
     """Write tours in which a cell and a neighbour of it come one after the other; False if not."""
+    if tours.cells.size == 0:
+        return False  # nothing is left to be entered
     cell = tours.cells[draw(rng, tours.cells.size)]
     side = draw(rng, 4)
     col = mission.col[cell] + (1 if side == 0 else -1 if side == 2 else 0)

@@ -8,6 +8,7 @@ those that draw random numbers make their generators anew for every request, fro
 from __future__ import annotations
 
 import enum
+import itertools
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Protocol
@@ -103,6 +104,16 @@ class SurveyLeg:
     def track(self) -> tuple[Cell, ...]:
         """Return the cells between which the AUV can be, in searching order: `P_q` first."""
         return track_of(self.path, self.behind)
+
+    def beside(self, cell: Cell) -> tuple[Cell, ...]:
+        """Return the cells that follow a cell on the track or that it follows, each once."""
+        beside = [
+            other
+            for pair in itertools.pairwise(self.track)
+            for here, other in (pair, pair[::-1])
+            if here == cell
+        ]
+        return tuple(dict.fromkeys(beside))
 
 
 def track_of(path: tuple[Cell, ...], behind: Cell | None) -> tuple[Cell, ...]:

@@ -119,13 +119,13 @@ class TourProblem:
     def state(self) -> Legs:
         """Return the AUVs as compiled code takes them."""
         mission, auvs = self.mission, len(self.legs)
-        cells = max(mission.path_cells, *(len(leg.path) for leg in self.legs)) + 2
+        each_track = [self._track(leg) for leg in self.legs]
+        cells = max(mission.path_cells + 2, *map(len, each_track))
         waypoints = max(cells, *(len(leg.search) for leg in self.legs))
         tracks = np.zeros((auvs, cells), np.int64)
         searches = np.zeros((auvs, waypoints), np.complex128)
         sizes, lengths = np.zeros(auvs, np.int64), np.zeros(auvs, np.int64)
-        for at, leg in enumerate(self.legs):
-            track = self._track(leg)
+        for at, (leg, track) in enumerate(zip(self.legs, each_track, strict=True)):
             if not leg.search or len(track) < 2:
                 raise ValueError(f'{leg.auv} has a leg without a search, or of no move')
             sizes[at], lengths[at] = len(track), len(leg.search)
@@ -211,10 +211,8 @@ class TourProblem:
         """Return the track of a leg; of the AUV that is being met, where it is and beside what."""
         if leg.auv != self.met or self.cell is None:
             return leg.track
-        if self.behind is not None:
-            return (self.cell, self.behind)
-        beside = [each for each in self.mission.grid.neighbours(self.cell) if each in leg.track]
-        return (self.cell, *beside[:1])
+        beside = leg.beside(self.cell) if self.behind is None else (self.behind,)
+        return tuple(each for other in beside for each in (self.cell, other))
 
     def number(self, cell: Cell) -> int:
         """Return the number of a cell, row by row."""
