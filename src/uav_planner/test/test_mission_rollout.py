@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import inspect
 import itertools
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
+import numba
 import numpy as np
 import pytest
 from hypothesis import assume, given, settings
@@ -12,6 +15,7 @@ from hypothesis import strategies as st
 
 from msgs_json.geometry import Cell, GridSpec, Point, whole_ticks, within_range
 from uav_planner import mission_rollout as rollout
+from uav_planner import tours as planned_tours
 from uav_planner.guarantee import GuaranteedPaths, Offer, guaranteed_sortie, least_limit_s
 from uav_planner.guarantee_oracle import legs_after, meeting_request, next_sortie, places_of
 from uav_planner.mission_rollout import CellTours, CoolingSchedule
@@ -19,6 +23,9 @@ from uav_planner.oracle_boards import legs_of
 from uav_planner.planning import MissionSpec, PlanRequest, SortieRequest, SurveyLeg, track_of
 from uav_planner.sortie import Route, hop_ticks, lay_search, search_ticks, worst_case_s
 from uav_planner.tours import NO_WAY, TourProblem, improved, joined, tour_of
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
 
 Path = tuple[Cell, ...]
 
@@ -606,3 +613,42 @@ def cost_of(problem: TourProblem, tours: CellTours, is_flown: bool) -> float:
         return problem.cost(tours)
     _, cost = rollout.lengths_of(problem.constants(), problem.state(), tours)
     return cost
+
+
+# --- compiled once -------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize('masked', [(), ((3, 1),)])
+def test_nothing_is_left_to_be_compiled_after_the_warm_up(
+    masked: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    calls: set[tuple[str, ...]] = set()
+
+    def noting(function: Callable[..., object]) -> Callable[..., object]:
+        def noted(*values: object) -> object:
+            calls.add((function.__name__, *(str(numba.typeof(value)) for value in values)))
+            return function(*values)
+
+        return noted
+
+    for name, function in list(vars(planned_tours).items()):
+        is_code = callable(function) and not inspect.isclass(function)
+        if is_code and inspect.getmodule(function) is rollout:
+            monkeypatch.setattr(planned_tours, name, noting(function))
+    planned_tours.warm_up.__wrapped__()
+    warm = calls.copy()
+    assert {'anneal', 'foresee', 'walk_on'} <= {name for name, *_ in warm}
+    grid = GridSpec(cols=6, rows=2, cell_m=10.0, masked=masked)
+    leg = SurveyLeg(auv='auv_1', path=((4, 0), (5, 0)), surface_deadline_s=0.0, search=(ROW.c3,))
+    problem = problem_at_c3(replace(ROW, grid=grid), (leg,), 0.0)
+    for each in (problem, replace(problem, met='auv_1', cell=(5, 0), behind=(4, 0))):
+        found = improved(
+            each,
+            planned_tours.lanes(each),
+            True,
+            CoolingSchedule(9, 5.0, 1.0),
+            np.random.default_rng(1),
+        )
+        each.cost(found.best)
+        each.path_along(found.best)
+    assert calls == warm

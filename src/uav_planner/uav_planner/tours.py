@@ -413,8 +413,9 @@ def ways(grid: GridSpec) -> tuple[NDArray[np.int16], NDArray[np.int16]]:
     graph = csr_array((np.ones(len(pairs)), (here, there)), shape=(size, size))
     moves, before = dijkstra(graph, unweighted=True, return_predecessors=True)
     moves[np.isinf(moves)] = NO_WAY
-    # What comes last on the way back is the next on the way there.
-    return before.T.astype(np.int16), moves.astype(np.int16)
+    # What comes last on the way back is the next on the way there. Row by row as everything else:
+    # for arrays in another order all would have to be compiled once more.
+    return before.T.astype(np.int16, order='C'), moves.astype(np.int16)
 
 
 @functools.cache
@@ -445,4 +446,5 @@ def warm_up() -> None:
     )
     tours = lanes(problem)
     improved(problem, tours, True, CoolingSchedule(2, 1.0, 1.0), np.random.default_rng(0))
+    problem.cost(tours)
     problem.path_along(tours)
