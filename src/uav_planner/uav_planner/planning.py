@@ -65,7 +65,7 @@ class MissionSpec:
 
 Tours = Mapping[str, tuple[Cell, ...]]
 """
-By AUV, the cells that it is still to enter after its present leg, in order.
+By AUV, the cells that it is still to enter, in order.
 
 What a planner that looks beyond one leg has in mind, empty otherwise. It gets back what it
 returned last.
@@ -179,6 +179,7 @@ class PlanResult:
     search: tuple[Point, ...] = ()
     """The waypoints with which the limit is guaranteed; empty from a planner without one."""
     tours: Tours = field(default_factory=dict)
+    """They still hold the cells of `path`: what the AUV does not reach then has its place."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
