@@ -292,11 +292,15 @@ def may_meet(mission: MissionSpec, rest: Route, time_s: float) -> bool:
 
 @dataclass
 class Meeting:
-    """A meeting with the tour of the AUV that is met."""
+    """A meeting, now or foreseen at the end of a leg, with the tour of the AUV that is met."""
 
     problem: TourProblem
     request: PlanRequest
     tour: Path
+
+    @property
+    def index(self) -> int:
+        return [leg.auv for leg in self.problem.legs].index(self.request.auv)
 
     @property
     def walk(self) -> Path:
@@ -313,7 +317,7 @@ class Meeting:
                 mission.grid.cells, key=lambda c: mission.grid.centre(c).distance_m(mission.c3)
             )
             walk = (*walk, *self.way(walk[-1], home))[: moves_least + 1]
-        beside = self.request.behind or self.problem.legs[self.problem.first].beside(walk[0])[0]
+        beside = self.request.behind or self.problem.legs[self.index].beside(walk[0])[0]
         while len(walk) <= moves_least:
             walk += (walk[-2] if len(walk) > 1 else beside,)
         return walk
@@ -338,6 +342,10 @@ def meetings(draw: st.DrawFn) -> Meeting:
     sortie = draw(sorties(st.just('some')))
     mission, cells = sortie.mission, st.sampled_from(sortie.mission.grid.cells)
     request = draw(surfacings(mission, sortie.legs, draw(st.sampled_from(sortie.to_meet))))
+    is_foreseen = draw(st.booleans())
+    if is_foreseen:
+        leg = next(leg for leg in sortie.legs if leg.auv == request.auv)
+        request = replace(request, cell=leg.path[-1], behind=None)
     values = problem_at_c3(mission, sortie.legs, 0.0).values
     for cell in draw(st.sets(cells, max_size=20)):
         values[mission.grid.index(cell)] *= 0.5
@@ -347,7 +355,7 @@ def meetings(draw: st.DrawFn) -> Meeting:
         values=values,
         now_s=request.now_s,
         position=draw(POINTS),
-        met=request.auv,
+        met=None if is_foreseen else request.auv,
         cell=request.cell,
         behind=request.behind,
         moves_least=draw(st.integers(0, mission.path_cells)),
@@ -370,7 +378,7 @@ def test_what_is_handed_over_is_it_at_many_meetings(meeting: Meeting) -> None:
 
 def check_hand_over(meeting: Meeting) -> None:
     problem, request = meeting.problem, meeting.request
-    mission, first = problem.mission, problem.first
+    mission, index = problem.mission, meeting.index
     guaranteed = GuaranteedPaths(request)
     offer = longest_allowed(guaranteed, meeting.walk)
     constants, state, uav = problem.constants(), problem.state(), problem.uav()
@@ -378,21 +386,21 @@ def check_hand_over(meeting: Meeting) -> None:
     tour = np.array([problem.number(cell) for cell in meeting.tour], np.int64)
     room = rollout.make_workspace(state)
     new, new_until, late = rollout.hand_over(
-        constants, state, first, tour, uav.behind, uav.moves_least, 7, room
+        constants, state, index, tour, uav.behind, uav.moves_least, 7, room
     )
     track = [problem.number(cell) for cell in track_of(offer.path, request.behind)]
-    assert state.tracks[first, : state.sizes[first]].tolist() == track
-    laid = state.searches[first, : state.lengths[first]].tolist()
+    assert state.tracks[index, : state.sizes[index]].tolist() == track
+    laid = state.searches[index, : state.lengths[index]].tolist()
     assert laid == points_m(offer.search)
     begin, end = (Point(east_m=at_m.real, north_m=at_m.imag) for at_m in (laid[0], laid[-1]))
-    ticks = rollout.search_ticks(constants, state.searches[first], len(laid))
+    ticks = rollout.search_ticks(constants, state.searches[index], len(laid))
     ticks += guaranteed.before.ticks_to_point(begin) + guaranteed.after.ticks_to_point(end)
     assert ticks + guaranteed.handover_ticks == offer.round_ticks <= mission.limit_ticks
     assert late == 0
-    assert not state.to_meet[first]
-    speed_mps = problem.legs[first].speed_mps
+    assert not state.to_meet[index]
+    speed_mps = problem.legs[index].speed_mps
     way_s = (len(offer.path) - 1) * mission.grid.cell_m / speed_mps + mission.surface_margin_s
-    assert state.deadline_ticks[first] == 7 + whole_ticks(way_s / mission.tick_s)
+    assert state.deadline_ticks[index] == 7 + whole_ticks(way_s / mission.tick_s)
     numbers = [problem.number(cell) for cell in offer.path]
     fresh = [
         at for at, cell in enumerate(numbers) if not entered[cell] and cell not in numbers[:at]
@@ -400,7 +408,35 @@ def check_hand_over(meeting: Meeting) -> None:
     assert (new, new_until) == (len(fresh), max(fresh, default=0))
     assert set(np.flatnonzero(state.entered != entered)) == {numbers[at] for at in fresh}
     rest = [at for at, cell in enumerate(tour) if not state.entered[cell]]
-    assert state.begun[first] == min(rest, default=len(tour))
+    assert state.begun[index] == min(rest, default=len(tour))
+
+
+@pytest.mark.parametrize(
+    ('path', 'search'),
+    [
+        # Toward (3, 0) or, which takes less, toward (1, 0), from which it came at first.
+        (
+            ((1, 0), (2, 0), (3, 0), (2, 0)),
+            (Point(east_m=30, north_m=5), Point(east_m=20, north_m=5)),
+        ),
+        # Once round; with the cell to which it moved at first.
+        (
+            ((2, 0), (1, 0), (1, 1), (2, 1), (2, 0)),
+            (Point(east_m=30, north_m=10), Point(east_m=20, north_m=5)),
+        ),
+    ],
+)
+@pytest.mark.parametrize('met', ['auv_1', None])
+def test_an_auv_stays_in_place_with_the_cell_that_takes_the_least(
+    path: Path, search: tuple[Point, ...], met: str | None
+) -> None:
+    grid = GridSpec(cols=6, rows=2, cell_m=10.0)
+    mission = replace(ROW, grid=grid, min_path_cells=2)  # two moves to the east take too long
+    leg = SurveyLeg(auv='auv_1', path=path, surface_deadline_s=0.0, search=search)
+    problem = replace(problem_at_c3(mission, (leg,), 0.0), met=met, cell=path[-1])
+    request = meeting_request(mission, (leg,), 'auv_1', (path[-1], None))
+    check_hand_over(Meeting(problem, request, ((3, 0), (4, 0), (5, 0))))
+    assert GuaranteedPaths(request).stay.path == ((2, 0), (1, 0), (2, 0))
 
 
 @pytest.mark.parametrize(
