@@ -75,7 +75,8 @@ def print_verdicts(verdicts: Sequence[Verdict], console: Console) -> None:
         for each in verdicts
     ]
     widths = [max(map(len, column)) for column in zip(titles, *rows, strict=True)]
-    console.print(Text(f'Mean over the {families} families on time; best in, >L: of all families'))
+    on_time = 'one family' if families == 1 else f'{families} families'
+    console.print(Text(f'Mean over the {on_time} on time; best in, >L: of all families'))
     console.print(Text(_line(titles, widths), style='dim'))
     for row in rows:
         console.print(Text(_line(row, widths), style='bold'))

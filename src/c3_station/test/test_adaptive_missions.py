@@ -62,8 +62,9 @@ class Foreseeing(AdaptivePlanner):
     [
         'minimal',
         'ecc2009',
-        'harbour',
-        'cove_tight',  # AUVs are met from C3 there
+        pytest.param('harbour', marks=pytest.mark.slow),
+        # AUVs are met from C3 there.
+        pytest.param('cove_tight', marks=pytest.mark.slow),
         pytest.param('fleet_8', marks=pytest.mark.slow),
     ],
 )
@@ -130,7 +131,9 @@ class NotingOrders(AdaptivePlanner):
         return super().plan_path(request)
 
 
-@pytest.mark.parametrize('auvs', [2, 3, 7])
+@pytest.mark.parametrize(
+    'auvs', [2, *(pytest.param(auvs, marks=pytest.mark.slow) for auvs in (3, 7))]
+)
 def test_missions_in_a_planned_visiting_order_keep_to_it_and_to_the_limit(auvs: int) -> None:
     asked = {'auvs': Span(least=auvs, most=auvs), 'cols': Span(least=4, most=8)}
     changed = 0

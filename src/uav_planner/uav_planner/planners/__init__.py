@@ -18,7 +18,8 @@ if TYPE_CHECKING:
 
 
 def _make_adaptive(*, effort: str = 'normal', visiting_order: str = 'fixed') -> Planner:
-    """Make an adaptive planner; imported only then, for its libraries take long to import."""
+    """Plan whole missions ahead, and keep L whatever the AUVs do: the fastest."""
+    # Not at the top: its libraries take long to import.
     from uav_planner.planners.adaptive import make_adaptive
 
     return make_adaptive(effort=effort, visiting_order=visiting_order)
