@@ -360,7 +360,8 @@ def meetings(draw: st.DrawFn) -> Meeting:
         behind=request.behind,
         moves_least=draw(st.integers(0, mission.path_cells)),
     )
-    return Meeting(problem, request, tuple(draw(st.lists(cells, unique=True, max_size=12))))
+    tour = draw(st.just([]) | st.lists(cells, unique=True, max_size=12))
+    return Meeting(problem, request, tuple(tour))
 
 
 @settings(max_examples=50)
@@ -587,23 +588,24 @@ def test_what_is_proposed_are_tours_in_which_two_neighbours_follow_each_other(
         assert sorted(new.cells.tolist()) == sorted(tours.cells.tolist())
         assert new.ends.tolist() == sorted(new.ends.tolist())
         assert new.ends[-1] == new.cells.size
-        cell, neighbour = drawn_pair(problem, tours, each_seed)
+        cell, neighbour, other = drawn_first(problem, tours, each_seed)
         proposed = tours_of(new)
         if any(neighbour in tour for tour in proposed):
             pairs = [pair for tour in proposed for pair in itertools.pairwise(tour)]
             assert (cell, neighbour) in pairs or (neighbour, cell) in pairs
         else:
-            assert cell in [tour[0] for tour in proposed if tour]
+            assert cell == proposed[other][0]
         tours, new = new, emptied(tours)
 
 
-def drawn_pair(problem: TourProblem, tours: CellTours, seed: int) -> tuple[int, int]:
-    """Return the cell and the neighbour of it that a proposal is about: its first two draws."""
+def drawn_first(problem: TourProblem, tours: CellTours, seed: int) -> tuple[int, int, int]:
+    """Return what a proposal is about: a cell, its neighbour, the AUV if that is in no tour."""
     rng = np.random.default_rng(seed)
     cell = int(tours.cells[int(rng.random() * tours.cells.size)])
     col, row = problem.cell_of(cell)
     east, north = [(1, 0), (0, 1), (-1, 0), (0, -1)][int(rng.random() * 4)]
-    return cell, problem.number((col + east, row + north))
+    neighbour = problem.number((col + east, row + north))
+    return cell, neighbour, int(rng.random() * tours.ends.size)
 
 
 @settings(max_examples=40)
@@ -615,8 +617,8 @@ def test_improved_tours_cost_no_more_and_are_the_same_each_time(
 
 
 @pytest.mark.slow
-@settings(max_examples=1000)
-@given(problems(), st.booleans(), st.integers(1, 300), st.integers(0, 2**32))
+@settings(max_examples=300)
+@given(problems(), st.booleans(), st.integers(1, 200), st.integers(0, 2**32))
 def test_much_improved_tours_cost_no_more_and_are_the_same_each_time(
     drawn: tuple[TourProblem, CellTours], is_flown: bool, tries: int, seed: int
 ) -> None:
