@@ -440,6 +440,17 @@ def test_an_auv_stays_in_place_with_the_cell_that_takes_the_least(
     assert GuaranteedPaths(request).stay.path == ((2, 0), (1, 0), (2, 0))
 
 
+def test_an_auv_at_the_end_of_its_tour_moves_to_and_fro_at_home() -> None:
+    mission = replace(ROW, c3=ROW.grid.centre((2, 0)))
+    leg = SurveyLeg(
+        auv='auv_1', path=((3, 0), (2, 0)), surface_deadline_s=0.0, search=(mission.c3,)
+    )
+    problem = replace(problem_at_c3(mission, (leg,), 0.0), moves_least=2)
+    meeting = Meeting(problem, meeting_request(mission, (leg,), 'auv_1', ((2, 0), None)), ())
+    assert meeting.walk == ((2, 0), (3, 0), (2, 0))
+    check_hand_over(meeting)
+
+
 @pytest.mark.parametrize(
     ('search', 'late_ticks'),
     [
@@ -642,6 +653,14 @@ def check_improved(
     assert tours_of(tours) == before, 'the tours given were changed'
     assert sorted(once.best.cells.tolist()) == sorted(tours.cells.tolist())
     assert once.cost <= cost_of(problem, tours, is_flown)
+    spoilt = improved(
+        problem,
+        once.best,
+        is_flown,
+        CoolingSchedule(tries, 99.0, 99.0),
+        np.random.default_rng(seed),
+    )
+    assert spoilt.cost <= cost_of(problem, once.best, is_flown)
     if not is_flown or problem.foreseen(once.best).left == 0:
         assert once.cost == cost_of(problem, once.best, is_flown)
 
