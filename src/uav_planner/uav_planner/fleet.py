@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -30,6 +29,7 @@ from uav_planner.planning import (
     SortieRequest,
     SurveyLeg,
 )
+from uav_planner.sortie import searches_of
 
 if TYPE_CHECKING:
     from collections.abc import Container, Iterator
@@ -156,8 +156,8 @@ class Fleet:
         """
         plan = self._planner.plan_sortie(self._sortie_request(overlooked, now_s))
         self._tours = plan.tours
-        for name, waypoints in itertools.groupby(plan.route, key=lambda each: each.auv):
-            self._auvs[name].search = tuple(waypoint.point for waypoint in waypoints)
+        for name, search in searches_of(plan.route).items():
+            self._auvs[name].search = search
         return plan
 
     def look_ahead(self, now_s: float) -> Iterator[float]:

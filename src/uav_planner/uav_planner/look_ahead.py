@@ -12,12 +12,12 @@ import numpy as np
 from uav_planner.guarantee import guaranteed_sortie, least_limit_s
 from uav_planner.mission_rollout import CellTours, CoolingSchedule
 from uav_planner.planning import LookAhead
+from uav_planner.sortie import searches_of
 from uav_planner.tours import TourProblem, carried_on, improved, lanes, strips
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from msgs_json.geometry import Point
     from uav_planner.planning import SortieRequest, SurveyLeg
 
 
@@ -180,9 +180,7 @@ def in_other_orders(request: SortieRequest) -> list[SortieRequest]:
         if needed_s > mission.limit_ticks * mission.tick_s:
             break
         unlaid = tuple(replace(leg, search=()) for leg in legs)
-        searches: dict[str, tuple[Point, ...]] = {}
-        for waypoint in guaranteed_sortie(replace(request, legs=unlaid)).route:
-            searches[waypoint.auv] = (*searches.get(waypoint.auv, ()), waypoint.point)
+        searches = searches_of(guaranteed_sortie(replace(request, legs=unlaid)).route)
         legs = tuple(replace(leg, search=searches[leg.auv]) for leg in legs)
         requests.append(replace(request, legs=legs))
     return requests

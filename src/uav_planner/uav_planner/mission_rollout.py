@@ -76,13 +76,13 @@ class Legs(NamedTuple):
     """The AUVs in visiting order; everything that flying changes."""
 
     tracks: Ints
-    """Cells of each present leg in searching order, shape (auvs, moves_max + 2)."""
+    """Cells of each present leg in searching order, shape (auvs, most cells)."""
     sizes: Ints
     """How many cells each track has."""
     deadline_ticks: Ints
     """Tick at which each is at the surface, at the first cell of its track."""
     searches: Points
-    """Waypoints of each search, shape (auvs, moves_max + 2)."""
+    """Waypoints of each search, shape (auvs, most waypoints)."""
     lengths: Ints
     """How many waypoints each search has."""
     to_meet: NDArray[np.bool_]
@@ -104,7 +104,7 @@ class Position(NamedTuple):
     behind: int
     """The cell toward which that AUV lies off the first one of its track; -1 if toward none."""
     moves_least: int
-    """Moves that it is to make at least, be its tour at its end."""
+    """Moves that it is to make at least, even if its tour ends sooner."""
 
 
 class CellTours(NamedTuple):
@@ -883,9 +883,9 @@ FORLORN = 10.0
 
 HOPELESS = 2.0
 """
-A mission that takes so many times as long as its tours without any wait is not flown on.
+A mission that takes so many times as long as its tours without any wait, and L, is not flown on.
 
-Good ones take 1.0 to 1.2 times as long; those that come to a standstill would never end.
+One that comes to a standstill would never end.
 """
 
 

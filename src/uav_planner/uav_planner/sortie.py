@@ -64,6 +64,14 @@ def leg_waypoints(leg: SurveyLeg, search: Iterable[Point]) -> list[Waypoint]:
     ]
 
 
+def searches_of(route: Route) -> dict[str, tuple[Point, ...]]:
+    """Return from where a route searches each AUV that it goes to."""
+    return {
+        auv: tuple(waypoint.point for waypoint in waypoints)
+        for auv, waypoints in itertools.groupby(route, key=lambda waypoint: waypoint.auv)
+    }
+
+
 def lay_search(mission: MissionSpec, origin: Point, track: Iterable[Cell]) -> tuple[Point, ...]:
     """
     Return the waypoints from which a track is cleared by a UAV that comes from ``origin``.

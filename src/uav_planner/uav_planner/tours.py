@@ -311,8 +311,9 @@ def _begun_near(problem: TourProblem, tours: list[list[int]]) -> CellTours:
     Cells to which no way leads from an AUV are put into tours of others.
     """
     is_open = (problem.values == 1.0).ravel()
+    starts = problem.starts
     begun, orphans = [], []
-    for tour, start in zip(tours, problem.starts, strict=True):
+    for tour, start in zip(tours, starts, strict=True):
         is_reached = problem.moves_to(np.array(tour, np.int64), start) < NO_WAY
         left = [cell for cell, reached in zip(tour, is_reached, strict=True) if reached]
         orphans += [cell for cell, reached in zip(tour, is_reached, strict=True) if not reached]
@@ -322,7 +323,7 @@ def _begun_near(problem: TourProblem, tours: list[list[int]]) -> CellTours:
         begun.append(left)
     for cell in orphans:
         if is_open[cell]:
-            _insert(problem, cell, begun)
+            _insert(problem, cell, starts, begun)
     return joined(begun)
 
 
@@ -353,14 +354,14 @@ def carried_on(problem: TourProblem, tours: Tours) -> CellTours:
                 tour.append(number)
         carried.append(tour)
     for orphan in np.flatnonzero(~seen).tolist():
-        _insert(problem, orphan, carried)
+        _insert(problem, orphan, starts, carried)
     return joined(carried)
 
 
-def _insert(problem: TourProblem, cell: int, tours: list[list[int]]) -> None:
+def _insert(problem: TourProblem, cell: int, starts: list[int], tours: list[list[int]]) -> None:
     """Put a cell where it makes a tour the least longer; nowhere if no AUV can come to it."""
     best, best_place = math.inf, (-1, 0)
-    for auv, (start, tour) in enumerate(zip(problem.starts, tours, strict=True)):
+    for auv, (start, tour) in enumerate(zip(starts, tours, strict=True)):
         if not problem.is_way(start, cell):
             continue
         way = np.array([start, *tour])
