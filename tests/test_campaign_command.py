@@ -346,9 +346,10 @@ def test_ctrl_c_ends_also_missions_that_hang(tiny: Path, tmp_path: Path) -> None
 def test_missions_of_a_worker_that_was_killed_are_flown_again(tiny: Path, tmp_path: Path) -> None:
     out = tmp_path / 'out'
     with campaign_process(tiny, *LONG, '--out', out) as process:
-        for count in (40, 120):
-            wait_until(lambda count=count: flown(out) >= count)  # type: ignore[misc]
-            os.kill(workers(process.pid)[-1], signal.SIGKILL)
+        # Once only: a second kill may meet a mission that is flown alone for the first one's sake,
+        # and is then that mission's end.
+        wait_until(lambda: flown(out) >= 40)
+        os.kill(workers(process.pid)[-1], signal.SIGKILL)
         told, _ = process.communicate(timeout=PATIENCE_S)
         assert process.returncode == ExitCode.OK, told
     assert {(result.exit.value, result.reason) for result in rows(out)} == {('complete', None)}
