@@ -57,7 +57,7 @@ class ReplayWindow:
                 f'seq {seq} was accepted before or is {WINDOW} or more below {self._highest}'
             )
         step = seq - self._highest
-        if step <= 0:
+        if step < 0:
             self._heard |= 1 << -step
             return
         # A restarted sender is 2**32 ahead: such a step is not shifted by.

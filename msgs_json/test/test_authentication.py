@@ -148,6 +148,12 @@ def test_anything_else_is_refused(payload: bytes) -> None:
     assert not AUTHENTICATOR.check(payload)
 
 
+def test_what_the_key_signed_is_still_no_envelope_if_it_does_not_end_in_auth() -> None:
+    for signed in (b'null}', b'{"src":"auv_1","note":null}', b'{"a,\\"auth":null}'):
+        tag = hmac_sha256(KEY, signed).hex().encode()
+        assert not AUTHENTICATOR.check(signed.removesuffix(b'null}') + b'"%b"}' % tag)
+
+
 @given(payload=st.binary())
 def test_no_bytes_raise(payload: bytes) -> None:
     assert not AUTHENTICATOR.check(payload)

@@ -96,6 +96,13 @@ def test_a_step_takes_no_longer_the_larger_it_is() -> None:
     assert not window.is_fresh(0)
 
 
+def test_the_window_does_not_grow() -> None:
+    window = ReplayWindow()
+    for seq in range(10_000):
+        window.accept(seq)
+    assert window._heard.bit_length() == WINDOW
+
+
 def test_what_is_not_fresh_cannot_be_accepted() -> None:
     window = ReplayWindow()
     window.accept(100)
