@@ -5,14 +5,18 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
-from typing import Generic
+from pathlib import Path
+from typing import Generic, TypeVar
 
 from rclpy.publisher import Publisher
 
-from msgs_json.agent_shell import AgentShell, Frame
+from msgs_json.agent_params import AgentParams
+from msgs_json.agent_shell import AgentSetting, AgentShell, Frame
+from msgs_json.authentication import Authenticator
 from msgs_json.drivers import DriverPorts
 from msgs_json.guarded_agent import GuardedAgent
-from msgs_json.host_node import HostedNode, ParamsT, message_class
+from msgs_json.host_node import HostedNode, message_class
+from msgs_json.key_file import read_key
 from msgs_json.lockstep_client import AgentClient
 from msgs_json.messages import Go, Tick
 from msgs_json.refusals import body_decoder
@@ -24,6 +28,8 @@ from msgs_json.ros_messages import (
     text_from_cdr,
     to_cdr,
 )
+from msgs_json.sqlite_store import SqliteStore
+from msgs_json.store import MemoryStore, Store
 from msgs_json.topics import (
     CLOCK,
     RADIO_RX,
@@ -34,6 +40,8 @@ from msgs_json.topics import (
     WORLD_TICK,
     Topic,
 )
+
+ParamsT = TypeVar('ParamsT', bound=AgentParams)
 
 _AGENT_NAME = re.compile('[a-z][a-z0-9_]{0,31}')
 
@@ -46,7 +54,7 @@ class AgentKind(Generic[ParamsT]):
     namespace: str
     """Where the node is placed unless the command line says otherwise."""
     params_type: type[ParamsT]
-    make_agent: Callable[[ParamsT, DriverPorts], AgentShell]
+    make_agent: Callable[[ParamsT, DriverPorts, AgentSetting], AgentShell]
     tick_s: Callable[[ParamsT], float]
     """Length of a tick in real time."""
     publishes: tuple[Topic, ...]
@@ -73,13 +81,14 @@ class AgentNode(HostedNode):
         }
         with self.setup():
             params = self.params(kind.params_type, name=self.get_namespace().rpartition('/')[2])
-            shell = kind.make_agent(params, _Ports(self))
-            name = shell.agent.name
-            if not _AGENT_NAME.fullmatch(name):
+            if not _AGENT_NAME.fullmatch(params.name):
                 raise ValueError(
-                    f'parameter name is {name!r}; it must be like auv_1 (place the node with'
-                    f' --ros-args -r __ns:={kind.namespace})'
+                    f'parameter name is {params.name!r}; it must be like auv_1 (place the node'
+                    f' with --ros-args -r __ns:={kind.namespace})'
                 )
+            self._store = _open_store(params)
+            setting = AgentSetting(store=self._store, authenticator=self._authenticator(params))
+            shell = kind.make_agent(params, _Ports(self), setting)
         self._agent = GuardedAgent(shell, self.log.error)
         self._work: Callable[[], list[Frame]] = lambda: self._agent.work(self._now_s())
         if self.get_parameter('use_sim_time').value:
@@ -106,6 +115,16 @@ class AgentNode(HostedNode):
         failed = self._agent.driver_failures
         if refused or failed:
             self.log.warning(f'refused payloads: {refused}, driver failures: {failed}')
+        self._store.close()
+
+    def _authenticator(self, params: AgentParams) -> Authenticator | None:
+        if params.key_file:
+            return Authenticator(read_key(params.key_file))
+        self.log.error(
+            f'{params.name} HAS NO KEY: it believes whoever has a radio, and nobody with a key'
+            ' believes it (parameter key_file)'
+        )
+        return None
 
     # --- real time -------------------------------------------------------------------------------
 
@@ -146,6 +165,12 @@ class AgentNode(HostedNode):
         for topic in (WORLD_DONE, WORLD_READY, WORLD_HELLO):
             self._topic_publishers[topic.name] = self.raw_publisher(topic)
         self.publish([client.hello()])
+
+
+def _open_store(params: AgentParams) -> Store:
+    if not params.store:
+        return MemoryStore()
+    return SqliteStore(Path(params.store), identity=params.name)
 
 
 class _Ports:

@@ -1,19 +1,45 @@
-"""The edge of an agent: bytes in, bytes out, strict and counted."""
+"""The edge of an agent: bytes in, bytes out; strict, signed, stored before they are said."""
 
 from __future__ import annotations
 
 from collections import Counter
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, TypeVar
 
 import msgspec
 
 from msgs_json import codec
 from msgs_json.agent import Agent, Log, Output, Publish, Refuse, Transmit, Worker
 from msgs_json.codec import MessageError, Refusal
-from msgs_json.messages import RADIO_MESSAGES, Event, Message, MessageRefused
+from msgs_json.messages import (
+    RADIO_MESSAGES,
+    Event,
+    Message,
+    MessageRefused,
+    StorageFailed,
+    StorageRestored,
+)
+from msgs_json.replay_window import ReplayWindow
 from msgs_json.ros_messages import RosMessage, Text
+from msgs_json.store import StoreError
 from msgs_json.topics import MISSION_EVENTS, RADIO_TX, Topic
 
+if TYPE_CHECKING:
+    from msgs_json.authentication import Authenticator
+    from msgs_json.drivers import Vehicle
+    from msgs_json.store import Store
+
 _HEARD_BY_RADIO = frozenset(t.__name__ for t in RADIO_MESSAGES)
+
+_BOOTS, _HEARD, _UNSAID, _VEHICLE = 'boots', 'heard', 'unsaid', 'vehicle'
+"""Kinds of entries of the store; an agent has others."""
+
+_BOOT_BITS = 32
+"""A process counts what it says below this bit; above is how many processes there were before."""
+
+_SENDERS_MAX = 32
+"""Refusals are told apart for so many senders: strangers choose their names as they like."""
+_OTHERS = '(others)'
 
 
 class Frame(msgspec.Struct, frozen=True):
@@ -24,29 +50,75 @@ class Frame(msgspec.Struct, frozen=True):
 
 
 class Speaker:
-    """Wraps messages in envelopes, counting them per topic."""
+    """
+    Wraps messages in envelopes, counting them per topic.
 
-    def __init__(self, name: str) -> None:
+    Parameters
+    ----------
+    name
+        Of the agent.
+    boot
+        How many processes of this agent there were before: its numbers go on from theirs.
+    authenticator
+        Signs what goes by radio; None leaves it unsigned.
+
+    """
+
+    def __init__(
+        self, name: str, boot: int = 0, authenticator: Authenticator | None = None
+    ) -> None:
         self._name = name
+        self._first_seq = boot << _BOOT_BITS
+        self._authenticator = authenticator
         self._seq: Counter[str] = Counter()
 
     def frame(self, topic: Topic, body: Message, stamp_s: float, dst: str | None = None) -> Frame:
         """Return a frame with the body in an envelope."""
         seq = self._seq[topic.name]
         self._seq[topic.name] = seq + 1
-        return Frame(
-            topic,
-            Text(
-                codec.encode(
-                    body,
-                    schema=codec.MISSION_EVENT if isinstance(body, Event) else None,
-                    src=self._name,
-                    dst=dst or codec.EVERYONE,
-                    seq=seq,
-                    stamp_s=stamp_s,
-                )
-            ),
+        payload = codec.encode(
+            body,
+            schema=codec.MISSION_EVENT if isinstance(body, Event) else None,
+            src=self._name,
+            dst=dst or codec.EVERYONE,
+            seq=self._first_seq + seq,
+            stamp_s=stamp_s,
         )
+        if self._authenticator is not None and topic is RADIO_TX:
+            payload = self._authenticator.sign(payload)
+        return Frame(topic, Text(payload))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class AgentSetting:
+    """What an agent's shell is given by whoever runs it."""
+
+    store: Store
+    """What the agent, and its vehicle if that is simulated, know after a crash."""
+    authenticator: Authenticator | None
+    """Holds the mission's key; None: whoever has a radio may speak, and is believed."""
+
+
+VehicleT = TypeVar('VehicleT', bound='Vehicle')
+
+
+def recalled(vehicle: VehicleT, store: Store) -> VehicleT:
+    """
+    Return a new driver that goes on where that of a process before this one left off.
+
+    Raises
+    ------
+    StoreError
+        It cannot: what the store has of it cannot be read, or is not of such a vehicle.
+
+    """
+    memory = store.load(_VEHICLE, bytes).get('')
+    if memory is not None:
+        try:
+            vehicle.recall(memory)
+        except ValueError as error:
+            raise StoreError(f'{store}: the vehicle cannot be recalled: {error}') from None
+    return vehicle
 
 
 class AgentShell:
@@ -55,13 +127,53 @@ class AgentShell:
 
     A payload that is refused here never reaches the agent. Like what the agent itself refuses it
     is counted in ``refused`` by ``(sender, reason)`` and logged once for each.
+
+    What has changed by a message or a tick is stored before anything that came of it is said.
+    While that fails nothing is said by radio, so that nobody relies on what a crash would undo;
+    the vehicle goes on, and agents repeat what was not heard.
+
+    Parameters
+    ----------
+    agent
+        The agent; it has found what it needs in the store of the setting.
+    setting
+        Store and key.
+    vehicle
+        The driver of the agent's vehicle, if it has one.
+
+    Raises
+    ------
+    StoreError
+        The store cannot be written to, before anything else happens.
+
     """
 
-    def __init__(self, agent: Agent) -> None:
+    def __init__(
+        self, agent: Agent, setting: AgentSetting, vehicle: Vehicle | None = None
+    ) -> None:
         self.agent = agent
         self.refused: Counter[tuple[str, Refusal]] = Counter()
+        self.genuine_from: str | None = None
+        """Who sent the payload that was heard last; None where it was no sound one, or a forgery."""
         self._worker = agent if isinstance(agent, Worker) else None
-        self._speaker = Speaker(agent.name)
+        self._store = setting.store
+        self._authenticator = setting.authenticator
+        self._vehicle = vehicle
+        self._vehicle_memory: bytes | None = None
+        """As it is stored."""
+        self._cannot_store = False
+        boot = self._store.load(_BOOTS, int).get('', -1) + 1
+        self._speaker = Speaker(agent.name, boot, setting.authenticator)
+        self._windows = {
+            src: ReplayWindow(highest) for src, highest in self._store.load(_HEARD, int).items()
+        }
+        self._unsaid = [
+            Frame(MISSION_EVENTS, Text(payload))
+            for payload in self._store.load(_UNSAID, list[bytes]).get('', [])
+        ]
+        """Log entries of the process before, which may have died before it said them."""
+        self._store.put(_BOOTS, '', boot)
+        self._store.commit()
 
     @property
     def is_busy(self) -> bool:
@@ -70,23 +182,32 @@ class AgentShell:
 
     def tick(self, now_s: float) -> list[Frame]:
         """Tick the agent."""
-        return self._frames(self.agent.tick(now_s), now_s)
+        unsaid, self._unsaid = self._unsaid, []
+        return [*unsaid, *self._stored(self.agent.tick(now_s), now_s)]
 
     def receive(self, data: bytes, now_s: float) -> list[Frame]:
         """Hand the agent what came by radio, if it may be heard."""
         try:
             src, message = self._admit(data)
         except MessageError as error:
+            self.genuine_from = self._source(data)
             refused = Refuse(error.sender, error.refusal, error.detail)
             return self._frames([refused], now_s)
-        return self._frames(self.agent.receive(src, message, now_s), now_s)
+        self.genuine_from = src
+        return self._stored(self.agent.receive(src, message, now_s), now_s)
 
     def work(self, now_s: float) -> list[Frame]:
         """Let the agent do a slice of its work, if it has any."""
-        return self._frames(self._worker.work(now_s), now_s) if self._worker is not None else []
+        return self._stored(self._worker.work(now_s), now_s) if self._worker is not None else []
+
+    # --- what comes in ---------------------------------------------------------------------------
 
     def _admit(self, data: bytes) -> tuple[str, Message]:
         envelope = codec.open_envelope(data)
+        if self._authenticator is not None and not self._authenticator.check(data):
+            raise MessageError(
+                Refusal.AUTH, envelope.src, '`$.auth` is not that of the key of this mission'
+            )
         if envelope.src not in self.agent.peers:
             known = ', '.join(sorted(self.agent.peers))
             raise MessageError(
@@ -105,7 +226,62 @@ class AgentShell:
                 f'`$.schema` is {envelope.schema!r}; by radio come'
                 f' {", ".join(sorted(_HEARD_BY_RADIO))}',
             )
-        return envelope.src, codec.open_body(envelope)
+        body = codec.open_body(envelope)
+        if self._authenticator is not None:
+            self._note_heard(envelope.src, envelope.seq)
+        return envelope.src, body
+
+    def _source(self, data: bytes) -> str | None:
+        """Return who sent something that was refused, if it is sound and meant for this agent."""
+        if self._authenticator is not None and not self._authenticator.check(data):
+            return None
+        try:
+            envelope, _ = codec.decode(data)
+        except MessageError:
+            return None
+        return envelope.src if envelope.dst == self.agent.name else None
+
+    def _note_heard(self, src: str, seq: int) -> None:
+        """Refuse what was heard before, by this process or one before it."""
+        window = self._windows.setdefault(src, ReplayWindow())
+        if not window.is_fresh(seq):
+            raise MessageError(
+                Refusal.REPLAY, src, f'`$.seq` is {seq}: heard before, or too old to tell'
+            )
+        window.accept(seq)
+        self._store.put(_HEARD, src, window.highest)
+
+    # --- what goes out ---------------------------------------------------------------------------
+
+    def _stored(self, outputs: list[Output], now_s: float) -> list[Frame]:
+        """Return what may be said of what came of an input, once all that has changed is stored."""
+        frames = self._frames(outputs, now_s)
+        if self._vehicle is not None:
+            memory = self._vehicle.memory()
+            if memory is not self._vehicle_memory:
+                self._vehicle_memory = memory
+                self._store.put(_VEHICLE, '', memory)
+        if not self._store.is_changed:
+            return frames
+        unsaid = [
+            frame.message.data
+            for frame in frames
+            if frame.topic is MISSION_EVENTS and isinstance(frame.message, Text)
+        ]
+        self._store.put(_UNSAID, '', unsaid)
+        try:
+            self._store.commit()
+        except StoreError as error:
+            frames = [frame for frame in frames if frame.topic is not RADIO_TX]
+            if not self._cannot_store:
+                self._cannot_store = True
+                failed = StorageFailed(problem=str(error))
+                frames.append(self._speaker.frame(MISSION_EVENTS, failed, now_s))
+            return frames
+        if self._cannot_store:
+            self._cannot_store = False
+            frames.append(self._speaker.frame(MISSION_EVENTS, StorageRestored(), now_s))
+        return frames
 
     def _frames(self, outputs: list[Output], now_s: float) -> list[Frame]:
         frames = []
@@ -125,7 +301,7 @@ class AgentShell:
         return frames
 
     def _refuse(self, refused: Refuse, now_s: float) -> list[Frame]:
-        key = (refused.sender, refused.refusal)
+        key = (self._known(refused.sender), refused.refusal)
         self.refused[key] += 1
         if self.refused[key] > 1:
             return []
@@ -133,3 +309,8 @@ class AgentShell:
             sender=refused.sender, reason=refused.refusal.value, detail=refused.detail
         )
         return [self._speaker.frame(MISSION_EVENTS, event, now_s)]
+
+    def _known(self, sender: str) -> str:
+        """Return the name under which a sender's refusals are counted."""
+        senders = {name for name, _ in self.refused}
+        return sender if sender in senders or len(senders) < _SENDERS_MAX else _OTHERS

@@ -46,7 +46,7 @@ class Envelope(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=
     body: msgspec.Raw
     """The message."""
     auth: Annotated[str, msgspec.Meta(max_length=256)] | None
-    """Signature; null until messages are signed."""
+    """Signature of what goes by radio, see `authentication`; null elsewhere."""
 
 
 class Refusal(enum.Enum):
@@ -58,6 +58,10 @@ class Refusal(enum.Enum):
     """A schema or version that the receiver does not take."""
     UNKNOWN_SENDER = 'unknown_sender'
     """Somebody to whom the receiver does not listen."""
+    AUTH = 'auth'
+    """Not signed with the key of the mission, or changed on the way."""
+    REPLAY = 'replay'
+    """Heard before, or so old that nobody can tell."""
     NOT_ADDRESSED = 'not_addressed'
     """Meant for somebody else."""
     UNEXPECTED = 'unexpected'

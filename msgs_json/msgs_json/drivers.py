@@ -78,7 +78,32 @@ class AuvState(VehicleState, frozen=True, kw_only=True):
     """
 
 
-class UavDriver(Protocol):
+class Vehicle(Protocol):
+    """What a vehicle's driver must still know after its process died."""
+
+    def memory(self) -> bytes:
+        """
+        Return what to `recall` in a new process.
+
+        It changes with commands only, or where the course changes by itself; as long as it does
+        not, the same object is returned.
+        """
+        ...
+
+    def recall(self, memory: bytes) -> None:
+        """
+        Go on where the driver of another process left off; before anything else is asked.
+
+        Raises
+        ------
+        ValueError
+            This is not the memory of such a driver.
+
+        """
+        ...
+
+
+class UavDriver(Vehicle, Protocol):
     """Moves the UAV."""
 
     def go_to(self, target: Point) -> None:
@@ -109,7 +134,7 @@ class UavDriver(Protocol):
         ...
 
 
-class AuvDriver(Protocol):
+class AuvDriver(Vehicle, Protocol):
     """Moves an AUV."""
 
     def follow(self, waypoints: Sequence[Point]) -> None:

@@ -30,6 +30,11 @@ class GuardedAgent:
         return self._shell.agent.name
 
     @property
+    def genuine_from(self) -> str | None:
+        """Return who sent what was heard last; None where that was nobody of this mission."""
+        return self._shell.genuine_from
+
+    @property
     def finished(self) -> bool:
         """Return whether the agent's part of the mission is over."""
         return self._shell.agent.finished

@@ -36,6 +36,7 @@ from msgs_json.node_exit import NodeExit
 from msgs_json.params import Params, ParamSpec, specs, validated
 from msgs_json.refusals import Refusals
 from msgs_json.ros_messages import prepare
+from msgs_json.store import StoreError
 from msgs_json.topics import Qos, Topic
 
 STEADY_CLOCK = Clock(clock_type=ClockType.STEADY_TIME)
@@ -108,7 +109,7 @@ class HostedNode(Node):
         """Name the node in errors of its set-up, which end the process with one clear line."""
         try:
             yield
-        except (ValueError, ParameterException) as error:
+        except (ValueError, StoreError, ParameterException) as error:
             raise SetupError(f'{self.get_fully_qualified_name()}: {error}') from error
 
     def params(self, params_type: type[ParamsT], **forced: object) -> ParamsT:

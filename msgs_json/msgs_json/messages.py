@@ -91,11 +91,45 @@ class MissionOrder(Message, frozen=True):
 class Sample(Message, frozen=True):
     """One survey sample, taken when the AUV reached the centre of a cell."""
 
+    auv: Name
     number: Count
     """Counted per AUV from 0; with the AUV's name the unique key of the sample."""
     cell: Cell
     entered_s: Seconds
     value: Annotated[float, msgspec.Meta(ge=-1e9, le=1e9, description='unit of the survey field')]
+
+
+class SampleSpan(Message, frozen=True):
+    """Samples of an AUV with numbers that follow each other."""
+
+    auv: Name
+    first: Count
+    until: Count
+    """The first number that is not among them."""
+
+    def __post_init__(self) -> None:
+        if self.until <= self.first:
+            raise ValueError(f'until is {self.until}; allowed: more than first, {self.first}')
+
+
+class SampleBatch(Message, frozen=True):
+    """AUV to UAV, and UAV to C3: samples to take over, repeated until a receipt names them."""
+
+    samples: Annotated[tuple[Sample, ...], msgspec.Meta(min_length=1)]
+
+
+class SampleReceipt(Message, frozen=True):
+    """
+    UAV to AUV, and C3 to UAV: which samples of an AUV need not be said again, and why.
+
+    It names all of them, not only the new ones: one that was lost on the way is made up for by the
+    next.
+    """
+
+    held: tuple[SampleSpan, ...]
+    """The receiver has stored them, and says so until C3 has them."""
+    at_c3: tuple[SampleSpan, ...]
+    """They are at C3; whoever kept them until now may forget them."""
 
 
 class LegOutcome(enum.Enum):
@@ -124,8 +158,10 @@ class SurfacingReport(Message, frozen=True):
     position: Point
     """Where it lies; between two cells, where its time was up on the way."""
     surfaced_s: Seconds
+    samples_taken: Count
+    """How many in all legs; the numbers of its samples are below."""
     samples: tuple[Sample, ...]
-    """All that nobody has acknowledged yet, one per cell entered, in order."""
+    """The oldest ones that nobody is known to hold, as many as fit into a frame of the radio."""
 
 
 class PathAssignment(Message, frozen=True):
@@ -142,6 +178,8 @@ class RecoveryReason(enum.Enum):
     """Nothing is left to survey."""
     ABORTED = 'aborted'
     """It asked for help."""
+    OFF_COURSE = 'off_course'
+    """What it reports contradicts the leg that it was given."""
 
 
 class RecoveryOrder(Message, frozen=True):
@@ -157,25 +195,17 @@ class Acknowledged(enum.Enum):
     """The messages that are acknowledged."""
 
     MISSION_ORDER = 'MissionOrder'
-    SURFACING_REPORT = 'SurfacingReport'
     PATH_ASSIGNMENT = 'PathAssignment'
     RECOVERY_ORDER = 'RecoveryOrder'
     SORTIE_REPORT = 'SortieReport'
 
 
 class Acknowledgement(Message, frozen=True):
-    """The receiver has taken over what a message carried; its sender may stop repeating it."""
+    """The receiver has stored what a message says; its sender may stop repeating it."""
 
     acknowledges: Acknowledged
     reference: Count
     """The leg id or sortie number of the message; 0 for a mission order."""
-
-
-class RelayedSample(Message, frozen=True):
-    """A survey sample on its way from the UAV to C3."""
-
-    auv: Name
-    sample: Sample
 
 
 class Meeting(Message, frozen=True):
@@ -208,7 +238,7 @@ class SortieOutlook(Message, frozen=True):
 
 
 class SortieReport(Message, frozen=True):
-    """UAV to C3: a sortie has ended, with everything relayed."""
+    """UAV to C3: a sortie has ended; the samples that it brings come in batches of their own."""
 
     sortie: Annotated[int, msgspec.Meta(ge=1, le=2**53, description='counted from 1')]
     departed_s: Seconds
@@ -220,9 +250,53 @@ class SortieReport(Message, frozen=True):
     """AUVs that were not searched, or not to the end."""
     lost: tuple[Name, ...]
     """AUVs given up in this sortie or before and not heard again; others survey their cells."""
-    samples: tuple[RelayedSample, ...]
+    cargo: tuple[SampleSpan, ...]
+    """All samples that the UAV has taken over and not yet heard to be at C3."""
     next_sortie: SortieOutlook | None
     """None after the last one."""
+
+
+TransferId = Annotated[
+    str,
+    msgspec.Meta(
+        pattern=r'^[0-9a-f]{16}(?!\n)$',
+        description='the first 16 hex digits of the SHA-256 of what is cut up',
+    ),
+]
+FragmentIndex = Annotated[int, msgspec.Meta(ge=0, le=65_535)]
+
+
+class Fragment(Message, frozen=True):
+    """A part of a message that is longer than a frame of the radio, whoever says it to whom."""
+
+    transfer: TransferId
+    """Of the message's schema, a line break and its body: what is said again is the same."""
+    index: FragmentIndex
+    """Counted from 0, less than total."""
+    total: Annotated[int, msgspec.Meta(ge=1, le=65_536, description='parts of the message')]
+    data: Annotated[
+        bytes,
+        msgspec.Meta(
+            min_length=1,
+            description='the part; all but the last are equally long',
+            extra_json_schema={
+                'pattern': r'^([A-Za-z0-9+/]{4})*([A-Za-z0-9+/]{2}==|[A-Za-z0-9+/]{3}=)?(?!\n)$'
+            },
+        ),
+    ]
+
+
+class FragmentReceipt(Message, frozen=True):
+    """The answer to every fragment: what to say next of its message."""
+
+    transfer: TransferId
+    missing: Annotated[
+        tuple[FragmentIndex, ...],
+        msgspec.Meta(
+            max_length=64,
+            description='the first fragments that the receiver lacks; none: it has them all',
+        ),
+    ]
 
 
 RADIO_MESSAGES: tuple[type[Message], ...] = (
@@ -231,7 +305,11 @@ RADIO_MESSAGES: tuple[type[Message], ...] = (
     RecoveryOrder,
     Acknowledgement,
     SurfacingReport,
+    SampleBatch,
+    SampleReceipt,
     SortieReport,
+    Fragment,
+    FragmentReceipt,
 )
 """What may go over ``radio/tx`` and ``radio/rx``."""
 
@@ -444,9 +522,8 @@ class SortieReturned(Event, frozen=True):
 class SamplesDelivered(Event, frozen=True):
     """C3: took over samples."""
 
-    sortie: Count
     samples: Count
-    """New ones in this report."""
+    """Those that were not there yet."""
     cells_delivered: Count
     oldest_age_s: Seconds | None
     """How long ago the oldest of the new samples was taken; None where there is none."""
@@ -466,6 +543,16 @@ class MessageRefused(Event, frozen=True):
     sender: str
     reason: str
     detail: str
+
+
+class StorageFailed(Event, frozen=True):
+    """Any agent: cannot store what it learns, and says nothing by radio until it can."""
+
+    problem: str
+
+
+class StorageRestored(Event, frozen=True):
+    """Any agent: stores again what it learns, and speaks."""
 
 
 class MissionStopped(Event, frozen=True):
@@ -493,6 +580,8 @@ MissionEvent = (
     | SamplesDelivered
     | MissionCompleted
     | MessageRefused
+    | StorageFailed
+    | StorageRestored
     | MissionStopped
 )
 

@@ -6,19 +6,20 @@ from typing import Annotated
 
 from auv_sim.auv_agent import AuvAgent, AuvMission
 from auv_sim.survey_field import make_field
-from msgs_json.agent_shell import AgentShell
+from msgs_json.agent_params import AgentParams
+from msgs_json.agent_shell import AgentSetting, AgentShell, recalled
+from msgs_json.custody import SampleCustody
 from msgs_json.drivers import AuvDriverSetup, DriverPorts, find_driver
 from msgs_json.geometry import Cell, GridSpec, mask_problems, path_problem
-from msgs_json.params import Params, param
+from msgs_json.params import param
 from msgs_json.randomness import agent_rng
 
 DRIVERS = 'auv_sim.drivers'
 
 
-class AuvParams(Params, frozen=True):
+class AuvParams(AgentParams, frozen=True):
     """Parameters of ``auv_sim auv``."""
 
-    name: Annotated[str, param('agent name; empty: the last part of the node namespace')] = ''
     uav: Annotated[str, param('name of the UAV that relays for this AUV')] = 'uav'
     speed_mps: Annotated[float, param('speed through the path', unit='m/s', ge=0.01, le=100)] = 1.0
     depth_m: Annotated[float, param('survey depth, positive down', unit='m', ge=1, le=11_000)] = (
@@ -46,7 +47,7 @@ class AuvParams(Params, frozen=True):
     field: Annotated[str, param('survey field, JSON')] = '{"kind": "synthetic"}'
 
 
-def make_auv(params: AuvParams, ports: DriverPorts) -> AgentShell:
+def make_auv(params: AuvParams, ports: DriverPorts, setting: AgentSetting) -> AgentShell:
     """
     Return the AUV's agent with its driver and its sensor.
 
@@ -54,6 +55,8 @@ def make_auv(params: AuvParams, ports: DriverPorts) -> AgentShell:
     ------
     ValueError
         A parameter is not usable; the text names it.
+    StoreError
+        The store of the setting is not usable.
 
     """
     region = _region(params)
@@ -75,8 +78,11 @@ def make_auv(params: AuvParams, ports: DriverPorts) -> AgentShell:
         surface_margin_s=params.surface_margin_s,
         tick_s=params.tick_s,
     )
-    driver = find_driver(DRIVERS, params.driver)(setup, ports)
-    return AgentShell(AuvAgent(params.name, mission, driver, make_field(params.field, region)))
+    driver = recalled(find_driver(DRIVERS, params.driver)(setup, ports), setting.store)
+    field = make_field(params.field, region)
+    custody = SampleCustody(setting.store, params.max_message_bytes, params.response_s)
+    agent = AuvAgent(params.name, mission, driver, field, setting.store, custody)
+    return AgentShell(agent, setting)  # TEMP driver
 
 
 def _region(params: AuvParams) -> GridSpec:

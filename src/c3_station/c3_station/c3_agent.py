@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import msgspec
 
@@ -27,12 +28,23 @@ from msgs_json.messages import (
     MissionStarted,
     MissionState,
     MissionStatus,
-    RelayedSample,
     Sample,
+    SampleBatch,
+    SampleReceipt,
     SamplesDelivered,
+    SampleSpan,
     SortieReport,
 )
+from msgs_json.number_set import NumberSet
 from msgs_json.topics import DIAGNOSTICS, EXPLORATION_MAP, MARKERS, MISSION_STATUS
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+    from msgs_json.store import Store
+
+_MISSION, _SAMPLE = 'mission', 'sample'
+"""Kinds of entries of the store."""
 
 
 @dataclass(slots=True)
@@ -74,24 +86,51 @@ class _Auv:
         return ContactState.DUE
 
 
-class C3Agent:
-    """Sans-I/O behaviour of the station; it stays where it is."""
+class _Memory(msgspec.Struct, frozen=True, kw_only=True):
+    """What C3 must still know after its process died, but for the samples."""
 
-    def __init__(self, name: str, scenario: Scenario, uav: str, status_period_s: float) -> None:
+    order: MissionOrder
+    order_acknowledged: bool
+    auvs: dict[str, _Auv]
+    sorties: int
+    awaited: tuple[SampleSpan, ...]
+    no_next_sortie: bool
+    finished: bool
+
+
+class C3Agent:
+    """
+    Sans-I/O behaviour of the station; it stays where it is.
+
+    What it finds in ``store`` is of a process that died: it goes on from there. The survey itself
+    is only there: here is what must be known to tell which samples are new, and for the map.
+    """
+
+    def __init__(
+        self, name: str, scenario: Scenario, uav: str, status_period_s: float, store: Store
+    ) -> None:
         self.name = name
         self.peers = frozenset({uav})
-        self.finished = False
         self._scenario = scenario
         self._uav = uav
         self._status_period_s = status_period_s
-        self._order: MissionOrder | None = None
-        self._order_acknowledged = False
-        self._auvs: dict[str, _Auv] = {}
-        self._sorties = 0
-        self._samples: dict[tuple[str, int], Sample] = {}
-        """The survey, by AUV and sample number: each sample once, whatever is repeated."""
-        self._cells: dict[Cell, float] = {}
-        """Latest value delivered for each cell."""
+        self._store = store
+        memory = store.load(_MISSION, _Memory).get('')
+        self.finished = memory.finished if memory else False
+        self._order = memory.order if memory else None
+        self._order_acknowledged = memory.order_acknowledged if memory else False
+        self._auvs = dict(memory.auvs) if memory else {}
+        self._sorties = memory.sorties if memory else 0
+        self._awaited = memory.awaited if memory else ()
+        """The samples that the UAV said it brings."""
+        self._no_next_sortie = memory.no_next_sortie if memory else False
+        """Whether the UAV said that it will fly no more."""
+        self._numbers: dict[str, NumberSet] = {}
+        """By AUV, the samples that are here: each once, whatever is repeated."""
+        self._cells: dict[Cell, Sample] = {}
+        """The newest sample of each cell."""
+        for sample in store.load(_SAMPLE, Sample).values():
+            self._note(sample)
         self._shown_s = -math.inf
         self._shown_contacts: tuple[ContactState | None, ...] = ()
 
@@ -101,6 +140,7 @@ class C3Agent:
         if self._order is None:
             self._order = mission_order(self._scenario, now_s)
             self._auvs = {auv.name: _Auv(leg=auv.leg) for auv in self._order.auvs}
+            self._remember(self._order)
             output.append(Log(self._started(), now_s))
             output += self._show_survey(now_s)
         if not self._order_acknowledged:
@@ -111,15 +151,20 @@ class C3Agent:
         return output
 
     def receive(self, src: str, message: Message, now_s: float) -> list[Output]:
-        """Take the UAV's acknowledgement of the order, and its sortie reports."""
+        """Take the UAV's acknowledgement of the order, its sortie reports and samples."""
+        if self._order is None:
+            return [Refuse(src, Refusal.UNEXPECTED, 'C3 has not begun its mission')]
         match message:
             case Acknowledgement(acknowledges=Acknowledged.MISSION_ORDER):
                 if self._order_acknowledged:
                     return []
                 self._order_acknowledged = True
+                self._remember(self._order)
                 return self._show_status(now_s)
             case SortieReport():
-                return self._take_over(message, now_s)
+                return self._take_report(message, self._order, now_s)
+            case SampleBatch():
+                return self._take_over(message, self._order, now_s)
             case _:
                 detail = f'C3 takes no {type(message).__name__}'
                 return [Refuse(src, Refusal.UNEXPECTED, detail)]
@@ -132,9 +177,24 @@ class C3Agent:
             software_version=software_version(),
         )
 
-    # --- custody ---------------------------------------------------------------------------------
+    def _remember(self, order: MissionOrder) -> None:
+        """Note where the mission stands for the process after this one."""
+        memory = _Memory(
+            order=order,
+            order_acknowledged=self._order_acknowledged,
+            auvs=self._auvs,
+            sorties=self._sorties,
+            awaited=self._awaited,
+            no_next_sortie=self._no_next_sortie,
+            finished=self.finished,
+        )
+        self._store.put(_MISSION, '', memory)
 
-    def _take_over(self, report: SortieReport, now_s: float) -> list[Output]:
+    # --- what the UAV brings ---------------------------------------------------------------------
+
+    def _take_report(
+        self, report: SortieReport, order: MissionOrder, now_s: float
+    ) -> list[Output]:
         acknowledgement = Transmit(
             self._uav,
             Acknowledgement(acknowledges=Acknowledged.SORTIE_REPORT, reference=report.sortie),
@@ -145,31 +205,84 @@ class C3Agent:
         if problem:
             return [Refuse(self._uav, Refusal.CONTRADICTORY, problem)]
         self._sorties = report.sortie
+        self._awaited = report.cargo
+        self._no_next_sortie = report.next_sortie is None
         self._note_contacts(report)
-        new = self._store(report.samples)
+        output = [acknowledgement, *self._look_for_end(now_s)]
+        self._remember(order)
+        return output + self._show_status(now_s)
+
+    def _take_over(self, batch: SampleBatch, order: MissionOrder, now_s: float) -> list[Output]:
+        for sample in batch.samples:
+            problem = self._problem_with_sample(sample)
+            if problem:
+                return [Refuse(self._uav, Refusal.CONTRADICTORY, problem)]
+        new = [sample for sample in batch.samples if not self._has(sample)]
+        for sample in new:
+            self._note(sample)
+            self._auvs[sample.auv].samples_delivered += 1
+            self._store.put(_SAMPLE, f'{sample.auv}/{sample.number}', sample)
+        auvs = dict.fromkeys(sample.auv for sample in batch.samples)
+        output: list[Output] = [Transmit(self._uav, self._receipt(auvs))]
+        if not new:
+            return output  # repeated by the UAV: it missed our answer
         delivered = SamplesDelivered(
-            sortie=report.sortie,
             samples=len(new),
             cells_delivered=len(self._cells),
             oldest_age_s=_oldest_age_s(new, now_s),
         )
-        output: list[Output] = [acknowledgement, Log(delivered, now_s)]
+        output += [Log(delivered, now_s), *self._look_for_end(now_s)]
+        self._remember(order)
+        return output + self._show_survey(now_s) + self._show_status(now_s)
+
+    def _look_for_end(self, now_s: float) -> list[Output]:
+        """End the mission if nobody is out any more, and all that the UAV brings is here."""
         # A UAV that plans no further sortie while an AUV is out contradicts itself. Its data is
         # taken all the same, but the mission is not over: people see who is out, and a later
         # report may still bring it.
-        if report.next_sortie is None and not any(auv.is_out for auv in self._auvs.values()):
-            self.finished = True
-            completed = MissionCompleted(
-                cells_delivered=len(self._cells),
-                samples_delivered=len(self._samples),
-                lost=tuple(
-                    name
-                    for name, auv in self._auvs.items()
-                    if auv.contact(now_s) is ContactState.LOST
-                ),
-            )
-            output.append(Log(completed, now_s))
-        return output + self._show_survey(now_s) + self._show_status(now_s)
+        is_out = any(auv.is_out for auv in self._auvs.values())
+        if self.finished or is_out or not self._no_next_sortie or not self._has_all_awaited:
+            return []
+        self.finished = True
+        completed = MissionCompleted(
+            cells_delivered=len(self._cells),
+            samples_delivered=self._samples_delivered,
+            lost=tuple(
+                name for name, auv in self._auvs.items() if auv.contact(now_s) is ContactState.LOST
+            ),
+        )
+        return [Log(completed, now_s)]
+
+    @property
+    def _has_all_awaited(self) -> bool:
+        return all(
+            number in self._numbers.get(span.auv, ())
+            for span in self._awaited
+            for number in range(span.first, span.until)
+        )
+
+    @property
+    def _samples_delivered(self) -> int:
+        return sum(map(len, self._numbers.values()))
+
+    def _has(self, sample: Sample) -> bool:
+        return sample.number in self._numbers.get(sample.auv, ())
+
+    def _note(self, sample: Sample) -> None:
+        self._numbers.setdefault(sample.auv, NumberSet()).add(sample.number, sample.number + 1)
+        before = self._cells.get(sample.cell)
+        if before is None or before.entered_s <= sample.entered_s:
+            self._cells[sample.cell] = sample
+
+    def _receipt(self, auvs: Iterable[str]) -> SampleReceipt:
+        return SampleReceipt(
+            held=(),
+            at_c3=tuple(
+                SampleSpan(auv=auv, first=first, until=until)
+                for auv in auvs
+                for first, until in self._numbers[auv].spans
+            ),
+        )
 
     def _note_contacts(self, report: SortieReport) -> None:
         """Note who was met, who was searched in vain, who is lost, and who is next."""
@@ -195,35 +308,26 @@ class C3Agent:
         contacts = report.next_sortie.contacts if report.next_sortie else ()
         named = {*report.missed, *report.not_reached, *report.lost}
         named |= {meeting.auv for meeting in report.meetings}
-        named |= {item.auv for item in report.samples} | {each.auv for each in contacts}
+        named |= {span.auv for span in report.cargo} | {each.auv for each in contacts}
         unknown = named - self._auvs.keys()
         if unknown:
             return f'it names {", ".join(sorted(unknown))}, not in this mission'
-        for item in report.samples:
-            problem = self._scenario.region.problem_with(item.sample.cell)
-            if problem:
-                return f'a sample of {item.auv}: {problem}'
         return None
 
-    def _store(self, relayed: tuple[RelayedSample, ...]) -> list[Sample]:
-        """Store samples and return those that were not here yet."""
-        new = []
-        for item in relayed:
-            key = (item.auv, item.sample.number)
-            if key not in self._samples:
-                new.append(item.sample)
-                self._auvs[item.auv].samples_delivered += 1
-            self._samples[key] = item.sample
-            self._cells[item.sample.cell] = item.sample.value
-        return new
+    def _problem_with_sample(self, sample: Sample) -> str | None:
+        if sample.auv not in self._auvs:
+            return f'a sample is of {sample.auv}, not in this mission'
+        problem = self._scenario.region.problem_with(sample.cell)
+        return f'sample {sample.number} of {sample.auv}: {problem}' if problem else None
 
     # --- what people see -------------------------------------------------------------------------
 
     def _show_survey(self, now_s: float) -> list[Output]:
         region = self._scenario.region
+        cells = {cell: sample.value for cell, sample in self._cells.items()}
         return [
-            Publish(EXPLORATION_MAP, occupancy(region, self._cells, now_s)),
-            Publish(MARKERS, survey_markers(region, self._scenario.c3, self._cells, now_s)),
+            Publish(EXPLORATION_MAP, occupancy(region, cells, now_s)),
+            Publish(MARKERS, survey_markers(region, self._scenario.c3, cells, now_s)),
         ]
 
     def _show_status(self, now_s: float) -> list[Output]:
@@ -245,7 +349,7 @@ class C3Agent:
             sorties=self._sorties,
             cells_total=self._scenario.region.cells_total,
             cells_delivered=len(self._cells),
-            samples_delivered=len(self._samples),
+            samples_delivered=self._samples_delivered,
             auvs=tuple(
                 AuvStatus(
                     name=name,

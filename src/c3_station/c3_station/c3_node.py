@@ -19,7 +19,7 @@ C3 = AgentKind(
     node='c3',
     namespace='/c3',
     params_type=C3Params,
-    make_agent=lambda params, ports: make_c3(params),
+    make_agent=lambda params, ports, setting: make_c3(params, setting),
     tick_s=lambda params: parse_scenario(params.scenario).tick_s,
     publishes=(EXPLORATION_MAP, MARKERS, MISSION_STATUS, DIAGNOSTICS, RADIO_TX, MISSION_EVENTS),
 )

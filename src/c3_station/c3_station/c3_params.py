@@ -6,14 +6,14 @@ from typing import Annotated
 
 from c3_station.c3_agent import C3Agent
 from c3_station.scenario_files import parse_scenario
-from msgs_json.agent_shell import AgentShell
-from msgs_json.params import Params, param
+from msgs_json.agent_params import AgentParams
+from msgs_json.agent_shell import AgentSetting, AgentShell
+from msgs_json.params import param
 
 
-class C3Params(Params, frozen=True):
+class C3Params(AgentParams, frozen=True):
     """Parameters of ``c3_station c3``."""
 
-    name: Annotated[str, param('agent name; empty: the last part of the node namespace')] = ''
     uav: Annotated[str, param('name of the UAV')] = 'uav'
     scenario: Annotated[
         str, param('the mission: a shipped scenario, a scenario file, or its JSON')
@@ -23,7 +23,7 @@ class C3Params(Params, frozen=True):
     ] = 10.0
 
 
-def make_c3(params: C3Params) -> AgentShell:
+def make_c3(params: C3Params, setting: AgentSetting) -> AgentShell:
     """
     Return the station's agent.
 
@@ -31,7 +31,10 @@ def make_c3(params: C3Params) -> AgentShell:
     ------
     ValueError
         The scenario is not usable; the text says where.
+    StoreError
+        The store of the setting is not usable.
 
     """
     scenario = parse_scenario(params.scenario)
-    return AgentShell(C3Agent(params.name, scenario, params.uav, params.status_period_s))
+    agent = C3Agent(params.name, scenario, params.uav, params.status_period_s, setting.store)
+    return AgentShell(agent, setting)

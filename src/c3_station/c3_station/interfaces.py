@@ -53,7 +53,7 @@ _PARTS = (
     messages.AuvOrder,
     messages.Leg,
     messages.Sample,
-    messages.RelayedSample,
+    messages.SampleSpan,
     messages.Meeting,
     messages.SortieOutlook,
     messages.ExpectedContact,

@@ -16,7 +16,7 @@ from c3_station.summary import LoggedEvent, Summarizer, Summary, mission_start_s
 from msgs_json import codec
 from msgs_json.codec import MessageError
 from msgs_json.geometry import Point
-from msgs_json.messages import MissionStarted, Sample, SortieReport
+from msgs_json.messages import MissionStarted, Sample, SampleBatch
 from msgs_json.ros_messages import (
     NANOSECONDS,
     ClockTime,
@@ -159,14 +159,14 @@ def _time_s(time: Any) -> float:  # noqa: ANN401  message classes are made at ru
 
 
 def _add_delivered(payload: bytes, survey: dict[tuple[str, int], Sample]) -> None:
-    """Add what a sortie report brought; C3 hears each report, and what it refuses is none."""
+    """Add what a batch brought; C3 hears each one, and what it refuses is none."""
     try:
         _, body = codec.decode(payload)
     except MessageError:
         return
-    if isinstance(body, SortieReport):
-        for relayed in body.samples:
-            survey[relayed.auv, relayed.sample.number] = relayed.sample
+    if isinstance(body, SampleBatch):
+        for sample in body.samples:
+            survey[sample.auv, sample.number] = sample
 
 
 def _scenario(events: Iterable[LoggedEvent]) -> Scenario | None:

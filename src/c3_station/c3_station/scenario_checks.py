@@ -28,8 +28,7 @@ from msgs_json.messages import (
     LegOutcome,
     Meeting,
     MissionOrder,
-    RelayedSample,
-    Sample,
+    SampleSpan,
     SortieOutlook,
     SortieReport,
 )
@@ -199,7 +198,6 @@ def _longest_report(scenario: Scenario) -> SortieReport:
     path_cells = scenario.planner.path_cells
     next_leg = _wide_leg(path_cells)
     cell = next_leg.path[0]
-    sample = Sample(number=_WIDE_INT, cell=cell, entered_s=_WIDE_FLOAT, value=_WIDE_FLOAT)
     names = tuple(auv.name for auv in scenario.auvs)
     return SortieReport(
         sortie=_WIDE_INT,
@@ -219,13 +217,7 @@ def _longest_report(scenario: Scenario) -> SortieReport:
         missed=names,
         not_reached=names,
         lost=names,
-        samples=tuple(
-            relayed
-            for auv in scenario.auvs
-            # The initial path may be longer than any that follows.
-            for relayed in [RelayedSample(auv=auv.name, sample=sample)]
-            * max(len(auv.initial_path), path_cells + 1)
-        ),
+        cargo=tuple(SampleSpan(auv=name, first=_WIDE_INT - 1, until=_WIDE_INT) for name in names),
         next_sortie=SortieOutlook(
             departs_s=_WIDE_FLOAT,
             returns_by_s=_WIDE_FLOAT,

@@ -6,6 +6,7 @@ import math
 from collections import Counter
 from typing import TYPE_CHECKING
 
+import msgspec
 import numpy as np
 
 if TYPE_CHECKING:
@@ -17,6 +18,15 @@ if TYPE_CHECKING:
 
 HALVINGS_MAX = 1000
 """A value is halved no further: soon after it would be 0, which stands for a masked cell."""
+
+
+class MapMemory(msgspec.Struct, frozen=True, kw_only=True):
+    """All that an `ExplorationMap` of a grid knows."""
+
+    entries: bytes
+    """Of every cell, row by row, as 8-byte integers."""
+    confirmed: bytes
+    """Likewise, one byte each."""
 
 
 class ExplorationMap:
@@ -102,6 +112,26 @@ class ExplorationMap:
                 raise ValueError(f'cell {[col, row]} is reported visited but was never assigned')
         for index in indices:
             self._confirmed[index] = True
+
+    def memory(self) -> MapMemory:
+        """Return what to `recall`."""
+        return MapMemory(entries=self._entries.tobytes(), confirmed=self._confirmed.tobytes())
+
+    def recall(self, memory: MapMemory) -> None:
+        """
+        Know again what a map of the same grid knew.
+
+        Raises
+        ------
+        ValueError
+            It was of another grid.
+
+        """
+        shape = self._entries.shape
+        self._entries = np.frombuffer(memory.entries, dtype=np.int64).reshape(shape).copy()
+        self._confirmed = np.frombuffer(memory.confirmed, dtype=np.bool_).reshape(shape).copy()
+        halvings = np.minimum(self._entries, HALVINGS_MAX)
+        self._values[:] = np.where(self._grid.mask, 0.0, np.ldexp(1.0, -halvings))
 
     def _add_entries(self, cells: Sequence[Cell], sign: int) -> None:
         """Change the entries of each cell by ``sign`` per occurrence, and its value with them."""

@@ -2,24 +2,30 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
+
+import msgspec
 
 from msgs_json.agent import Output, Transmit
 from msgs_json.geometry import Cell, Point, is_before, path_length_m, surface_deadline_s
 from msgs_json.messages import (
-    Acknowledged,
     Acknowledgement,
     Leg,
     LegOutcome,
     PathAssignment,
     RecoveryOrder,
     RecoveryReason,
-    Sample,
     SurfacingReport,
 )
-from uav_planner.exploration_map import ExplorationMap
-from uav_planner.hand_over import HAND_OVER_TICKS, HandOver, problem_with_report
+from uav_planner.exploration_map import ExplorationMap, MapMemory
+from uav_planner.hand_over import (
+    CONTRADICTIONS_MAX,
+    DATA_SHARE,
+    HAND_OVER_TICKS,
+    HandOver,
+    problem_with_report,
+)
 from uav_planner.planning import (
     MissionSpec,
     Planner,
@@ -55,20 +61,29 @@ class _Auv:
     """Since it was last met."""
     recovered: bool = False
     lost: bool = False
+    contradictions: int = 0
+    """Reports in a row that contradict its leg."""
+    contradicted_s: float = -1.0
+    """When the last of them was heard."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Encounter:
     """What came of meeting an AUV."""
 
-    samples: tuple[Sample, ...]
-    """Those taken over from it; none where the UAV had them already."""
     plan: PlanResult | None
     """Its next path; None where it is to stay up for recovery."""
     was_lost: bool
     """Whether it had been given up."""
-    answer: list[Output]
-    """What it is told."""
+
+
+class FleetMemory(msgspec.Struct, frozen=True, kw_only=True):
+    """All that a `Fleet` knows."""
+
+    auvs: dict[str, _Auv]
+    map: MapMemory
+    hand_overs: dict[str, HandOver]
+    tours: dict[str, tuple[Cell, ...]]
 
 
 class Fleet:
@@ -101,6 +116,26 @@ class Fleet:
         self._hand_overs: dict[str, HandOver] = {}
         """By AUV, until it acknowledges or reports from its next leg."""
         self._tours: Tours = {}
+        self.is_changed = True
+        """Whether it knows more than `memory` told last."""
+
+    def memory(self) -> FleetMemory:
+        """Return what to `recall` after a crash."""
+        self.is_changed = False
+        return FleetMemory(
+            auvs=self._auvs,
+            map=self._map.memory(),
+            hand_overs=self._hand_overs,
+            tours=dict(self._tours),
+        )
+
+    def recall(self, memory: FleetMemory) -> None:
+        """Know again what the fleet of the same order knew."""
+        self._auvs = dict(memory.auvs)
+        self._map.recall(memory.map)
+        self._hand_overs = dict(memory.hand_overs)
+        self._tours = memory.tours
+        self.is_changed = False
 
     # --- who and where ---------------------------------------------------------------------------
 
@@ -155,6 +190,7 @@ class Fleet:
 
         """
         plan = self._planner.plan_sortie(self._sortie_request(overlooked, now_s))
+        self.is_changed = True
         self._tours = plan.tours
         for name, search in searches_of(plan.route).items():
             self._auvs[name].search = search
@@ -163,7 +199,7 @@ class Fleet:
     def look_ahead(self, now_s: float) -> Iterator[float]:
         """Let the planner plan the whole mission; yield the share that is done, slice by slice."""
         for ahead in self._planner.look_ahead(self._sortie_request(frozenset(), now_s)):
-            self._tours = ahead.tours
+            self._tours, self.is_changed = ahead.tours, True
             if ahead.visiting_order not in ((), self.visiting_order):
                 self._auvs = {name: self._auvs[name] for name in ahead.visiting_order}
                 for auv in self._auvs.values():
@@ -182,7 +218,7 @@ class Fleet:
 
     def searched_in_vain(self, name: str) -> bool:
         """Count a search of an AUV; return whether it is given up, after so many."""
-        auv = self._auvs[name]
+        auv, self.is_changed = self._auvs[name], True
         auv.searches_in_vain += 1
         if auv.searches_in_vain < self._lost_after_sorties:
             return False
@@ -199,13 +235,15 @@ class Fleet:
             return
         if hand_over.is_taken_by(report):
             del self._hand_overs[report.auv]  # it speaks of its next leg
+            self.is_changed = True
         elif report.outcome is LegOutcome.ABORTED and hand_over.answers(report):
             self._release(self._auvs[report.auv])
             self._hand_overs[report.auv] = hand_over.called_off()
+            self.is_changed = True
 
     def problem_with(self, report: SurfacingReport) -> str | None:
         """Return what contradicts the leg that its AUV was given, or None."""
-        unanswered = self._unanswered(report)
+        unanswered = self.hand_over(report)
         if unanswered is not None:
             return unanswered.problem_with(report)
         return problem_with_report(report, self._auvs[report.auv].leg, self.mission.grid)
@@ -214,46 +252,89 @@ class Fleet:
         self, report: SurfacingReport, to_meet: Container[str], position: Point, now_s: float
     ) -> Encounter:
         """
-        Take over what an AUV did and choose its next path, or the same again if it lies there yet.
+        Note what an AUV did and choose its next path, or the same again if it lies there yet.
 
         ``to_meet`` are the AUVs that the sortie may still meet, this one included; ``position`` is
         where the UAV is.
         """
-        auv = self._auvs[report.auv]
+        auv, self.is_changed = self._auvs[report.auv], True
         was_lost, was_astray = auv.lost, auv.searches_in_vain > 0
-        auv.lost, auv.searches_in_vain = False, 0
-        unanswered = self._unanswered(report)
-        samples = () if unanswered else self._take_over(auv, report)
+        auv.lost, auv.searches_in_vain, auv.contradictions = False, 0, 0
+        unanswered = self.hand_over(report)
+        if unanswered is None:
+            self._note_visits(auv, report)
         plan = unanswered.plan if unanswered else None
         # The same path again, unless the others were given theirs without a thought of it.
         if plan is None or was_astray:
             self._release(auv)
             plan = self._plan_path(report, to_meet, position, now_s)
-        self._hand_overs[report.auv] = self._hand_over(report, plan, now_s)
-        answer = self.answer(report, now_s)
-        return Encounter(samples=samples, plan=plan, was_lost=was_lost, answer=answer)
+        is_aborted = report.outcome is LegOutcome.ABORTED
+        reason = RecoveryReason.ABORTED if is_aborted else RecoveryReason.EXPLORED
+        self._begin_hand_over(report, plan, reason, now_s)
+        return Encounter(plan=plan, was_lost=was_lost)
 
-    def _take_over(self, auv: _Auv, report: SurfacingReport) -> tuple[Sample, ...]:
-        """Note on the map what an AUV really visited; return its samples."""
+    def is_off_course(self, report: SurfacingReport, now_s: float) -> bool:
+        """
+        Note a report that contradicts its AUV's leg; return whether there were enough of them.
+
+        One of the leg before is a late copy, and says nothing.
+        """
+        auv = self._auvs[report.auv]
+        if report.leg_id == auv.leg.leg_id - 1 or auv.contradicted_s == now_s:
+            return False
+        auv.contradictions, auv.contradicted_s = auv.contradictions + 1, now_s
+        self.is_changed = True
+        return auv.contradictions >= CONTRADICTIONS_MAX
+
+    def take_off_course(self, report: SurfacingReport, now_s: float) -> Encounter:
+        """Have an AUV stay up for recovery: nobody knows where it has been, or where it is."""
+        auv, self.is_changed = self._auvs[report.auv], True
+        was_lost = auv.lost
+        auv.lost, auv.searches_in_vain = False, 0
+        self._release(auv)
+        self._begin_hand_over(report, None, RecoveryReason.OFF_COURSE, now_s)
+        return Encounter(plan=None, was_lost=was_lost)
+
+    def _note_visits(self, auv: _Auv, report: SurfacingReport) -> None:
+        """Note on the map what an AUV really visited."""
         self._claim(auv, auv.leg.path[: report.moves_done + 1])
         self._map.confirm(auv.claimed)
         auv.claimed = ()  # they stay visited
-        return report.samples
 
-    def _hand_over(
-        self, report: SurfacingReport, plan: PlanResult | None, now_s: float
-    ) -> HandOver:
+    def _begin_hand_over(
+        self,
+        report: SurfacingReport,
+        plan: PlanResult | None,
+        reason: RecoveryReason,
+        now_s: float,
+    ) -> None:
         path = plan.path if plan else ()
         way = [report.position, *(self.mission.grid.centre(cell) for cell in path)]
-        is_aborted = report.outcome is LegOutcome.ABORTED
-        return HandOver(
+        self._hand_overs[report.auv] = HandOver(
             ended_leg_id=report.leg_id,
             ended_at=report.cell,
-            plan=plan,
-            reason=RecoveryReason.ABORTED if is_aborted else RecoveryReason.EXPLORED,
+            plan=replace(plan, tours={}) if plan else None,
+            reason=reason,
             way_m=path_length_m(way),
             begun_s=now_s,
+            samples_taken=report.samples_taken,
         )
+        self._set_leg(self._auvs[report.auv], self._hand_overs[report.auv], now_s)
+
+    def _set_leg(self, auv: _Auv, hand_over: HandOver, now_s: float) -> None:
+        """Give an AUV its next leg, as if it began now."""
+        if hand_over.plan is not None:
+            auv.leg = Leg(
+                leg_id=hand_over.ended_leg_id + 1,
+                path=hand_over.plan.path,
+                surface_deadline_s=surface_deadline_s(
+                    now_s,
+                    hand_over.way_m,
+                    auv.speed_mps,
+                    self.mission.surface_margin_s,
+                    self.mission.tick_s,
+                ),
+            )
 
     def _plan_path(
         self, report: SurfacingReport, to_meet: Container[str], position: Point, now_s: float
@@ -288,7 +369,7 @@ class Fleet:
         No other one, however its position says: what it was promised was for its leg.
         """
         auv, moves = self._auvs[report.auv], report.moves_done
-        if self._unanswered(report):
+        if self.hand_over(report):
             return auv.behind  # it lies where it did when that was found out
         before = auv.leg.path[moves - 1] if moves > 0 else auv.behind
         beside = (before, *auv.leg.path[moves + 1 : moves + 2])
@@ -296,41 +377,45 @@ class Fleet:
             report.cell, report.position, [cell for cell in beside if cell is not None]
         )
 
-    def answer(self, report: SurfacingReport, now_s: float) -> list[Output]:
+    def hand_over(self, report: SurfacingReport) -> HandOver | None:
+        """Return what this leg's end was answered with, if the AUV has not acknowledged it."""
+        hand_over = self._hand_overs.get(report.auv)
+        return hand_over if hand_over is not None and hand_over.answers(report) else None
+
+    def hand_over_to(self, name: str) -> HandOver | None:
+        """Return what an AUV was told and has not acknowledged."""
+        return self._hand_overs.get(name)
+
+    def is_time_for_data(self, name: str, now_s: float) -> bool:
+        """Return whether an AUV that is met may go on to hand over data before it is told more."""
+        hand_over = self._hand_overs.get(name)
+        return hand_over is not None and is_before(
+            now_s, hand_over.begun_s + DATA_SHARE * self._patience_s
+        )
+
+    def answer(self, name: str, now_s: float) -> list[Output]:
         """
-        Confirm custody and say what comes next, to an AUV that has not acknowledged that.
+        Say what comes next to an AUV that has not acknowledged that.
 
         Said again, the deadline counts from then.
         """
-        hand_over = self._unanswered(report)
+        hand_over = self._hand_overs.get(name)
         if hand_over is None:
             return []
-        name, auv = report.auv, self._auvs[report.auv]
-        custody = Acknowledgement(
-            acknowledges=Acknowledged.SURFACING_REPORT, reference=hand_over.ended_leg_id
-        )
+        auv, self.is_changed = self._auvs[name], True
         if hand_over.plan is None:
             auv.recovered = True
             order = RecoveryOrder(auv=name, leg_id=hand_over.ended_leg_id, reason=hand_over.reason)
-            return [Transmit(name, custody), Transmit(name, order)]
-        auv.leg = Leg(
-            leg_id=hand_over.ended_leg_id + 1,
-            path=hand_over.plan.path,
-            surface_deadline_s=surface_deadline_s(
-                now_s,
-                hand_over.way_m,
-                auv.speed_mps,
-                self.mission.surface_margin_s,
-                self.mission.tick_s,
-            ),
-        )
-        return [Transmit(name, custody), Transmit(name, PathAssignment(auv=name, leg=auv.leg))]
+            return [Transmit(name, order)]
+        self._set_leg(auv, hand_over, now_s)
+        return [Transmit(name, PathAssignment(auv=name, leg=auv.leg))]
 
     def acknowledged(self, name: str, message: Acknowledgement) -> None:
         """Take an AUV's answer; one to something else says nothing."""
         hand_over = self._hand_overs.get(name)
         if hand_over is not None and message == hand_over.acknowledgement:
             del self._hand_overs[name]
+            self.is_changed = True
 
     def is_awaiting(self, met: Container[str], now_s: float) -> bool:
         """Return whether the answer of an AUV just met may still come."""
@@ -338,11 +423,6 @@ class Fleet:
             name in met and is_before(now_s, hand_over.begun_s + self._patience_s)
             for name, hand_over in self._hand_overs.items()
         )
-
-    def _unanswered(self, report: SurfacingReport) -> HandOver | None:
-        """Return what this leg's end was answered with, if the AUV has not acknowledged it."""
-        hand_over = self._hand_overs.get(report.auv)
-        return hand_over if hand_over is not None and hand_over.answers(report) else None
 
     # --- the map ---------------------------------------------------------------------------------
 

@@ -5,12 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
+from msgs_json.geometry import Cell
 from msgs_json.messages import Acknowledged, Acknowledgement, RecoveryReason
+from uav_planner.planning import PlanResult
 
 if TYPE_CHECKING:
-    from msgs_json.geometry import Cell, GridSpec
-    from msgs_json.messages import Leg, SurfacingReport
-    from uav_planner.planning import PlanResult
+    from msgs_json.geometry import GridSpec
+    from msgs_json.messages import Leg, Sample, SurfacingReport
 
 HAND_OVER_TICKS = 5
 """
@@ -21,9 +22,24 @@ not for ever: an AUV that took its path is under water, and if its answer was lo
 """
 
 
+DATA_SHARE = 0.5
+"""
+Of the time of a hand-over; after that the AUV gets its path, whatever data it still has.
+
+What did not get across goes on at the next contact, but an AUV without a path is idle till then.
+"""
+
+CONTRADICTIONS_MAX = 3
+"""
+So many reports in a row, each of another tick, that contradict its leg put an AUV off course.
+
+One may be a late copy, or a slip; an AUV that keeps to it is not where it believes to be.
+"""
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class HandOver:
-    """What an AUV was told after a leg and has not acknowledged."""
+    """What an AUV is told after a leg, until it has acknowledged that."""
 
     ended_leg_id: int
     ended_at: Cell
@@ -35,6 +51,8 @@ class HandOver:
     way_m: float
     """From where it lies through that path."""
     begun_s: float
+    samples_taken: int
+    """How many samples the AUV has taken in all its legs."""
 
     def answers(self, report: SurfacingReport) -> bool:
         """Return whether a report is of the leg after which the AUV was told this."""
@@ -80,7 +98,14 @@ def problem_with_report(report: SurfacingReport, leg: Leg, region: GridSpec) -> 
             f'after {report.moves_done} moves cell must be {list(leg.path[report.moves_done])},'
             f' is {list(report.cell)}'
         )
-    for sample in report.samples:
+    return problem_with_samples(report.samples, report.auv, region)
+
+
+def problem_with_samples(samples: tuple[Sample, ...], auv: str, region: GridSpec) -> str | None:
+    """Return why an AUV cannot have taken its samples, or None."""
+    for sample in samples:
+        if sample.auv != auv:
+            return f'sample {sample.number} is of {sample.auv}, {auv} hands it over'
         problem = region.problem_with(sample.cell)
         if problem:
             return f'sample {sample.number}: {problem}'

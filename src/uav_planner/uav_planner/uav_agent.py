@@ -7,6 +7,8 @@ from collections import deque
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
+import msgspec
+
 from msgs_json.agent import Log, Output, Publish, Refuse, Transmit
 from msgs_json.codec import Refusal
 from msgs_json.geometry import Point, is_before, whole_ticks
@@ -22,7 +24,9 @@ from msgs_json.messages import (
     Missed,
     MissionOrder,
     PlanningAhead,
-    RelayedSample,
+    RecoveryReason,
+    SampleBatch,
+    SampleReceipt,
     SearchBrokenOff,
     SortieDeparted,
     SortieOutlook,
@@ -32,18 +36,22 @@ from msgs_json.messages import (
 )
 from msgs_json.ros_messages import TrackPath
 from msgs_json.topics import ODOM, ROUTE
-from uav_planner.fleet import Fleet
+from uav_planner.fleet import Fleet, FleetMemory
+from uav_planner.hand_over import HandOver, problem_with_samples
 from uav_planner.headway import Headway
 from uav_planner.mission_order import UavSetup, mission_spec, problem_with_order
-from uav_planner.planning import MissionSpec, Planner, Prospect
-from uav_planner.sortie import search_times_s, worst_case_s
+from uav_planner.planning import MissionSpec, Planner, Prospect, SortiePlan
+from uav_planner.sortie import Route, search_times_s, worst_case_s
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
+    from msgs_json.custody import SampleCustody
     from msgs_json.drivers import UavDriver
-    from uav_planner.planning import SortiePlan
-    from uav_planner.sortie import Route
+    from msgs_json.store import Store
+
+_ORDER, _FLEET, _FLIGHT, _REPORT = 'order', 'fleet', 'flight', 'report'
+"""Kinds of entries of the store, beside the samples."""
 
 
 @dataclass(slots=True, kw_only=True)
@@ -64,6 +72,25 @@ class _Sortie:
     """AUVs searched to the end and not heard."""
     not_reached: tuple[str, ...] = ()
     """AUVs that it gave up reaching, to be home in time."""
+
+    def memory(self) -> _SortieMemory:
+        """Return what to go on from after a crash."""
+        return _SortieMemory(
+            number=self.number,
+            route=self.plan.route,
+            depart_s=self.plan.depart_s,
+            predicted_s=self.plan.predicted_s,
+            worst_case_s=self.plan.worst_case_s,
+            order=self.order,
+            departed_s=self.departed_s,
+            cursor=self.cursor,
+            met={
+                auv: (met_s, msgspec.structs.replace(report, samples=()))
+                for auv, (met_s, report) in self.met.items()
+            },
+            missed=tuple(self.missed),
+            not_reached=self.not_reached,
+        )
 
     @property
     def mission(self) -> MissionSpec:
@@ -101,10 +128,66 @@ class _Sortie:
         return frozenset(self.order) - self.met.keys() - frozenset(self.not_reached)
 
 
-class UavAgent:
-    """Sans-I/O behaviour of the UAV; its vehicle is behind ``driver``."""
+class _SortieMemory(msgspec.Struct, frozen=True, kw_only=True):
+    """A `_Sortie` as it is stored."""
 
-    def __init__(self, name: str, setup: UavSetup, planner: Planner, driver: UavDriver) -> None:
+    number: int
+    route: Route
+    depart_s: float
+    predicted_s: float
+    worst_case_s: float
+    order: tuple[str, ...]
+    departed_s: float | None
+    cursor: int
+    met: dict[str, tuple[float, SurfacingReport]]
+    missed: tuple[str, ...]
+    not_reached: tuple[str, ...]
+
+    def sortie(self, fleet: Fleet) -> _Sortie:
+        """Return the sortie, to be gone on with."""
+        return _Sortie(
+            fleet=fleet,
+            number=self.number,
+            plan=SortiePlan(
+                route=self.route,
+                depart_s=self.depart_s,
+                predicted_s=self.predicted_s,
+                worst_case_s=self.worst_case_s,
+            ),
+            order=self.order,
+            departed_s=self.departed_s,
+            cursor=self.cursor,
+            met=dict(self.met),
+            missed=set(self.missed),
+            not_reached=self.not_reached,
+        )
+
+
+class _FlightMemory(msgspec.Struct, frozen=True, kw_only=True):
+    """What the UAV must still know of its flight after its process died."""
+
+    sortie: _SortieMemory | None
+    finished: bool
+    known_difference_m: float
+    difference_m: float
+
+
+class UavAgent:
+    """
+    Sans-I/O behaviour of the UAV; its vehicle is behind ``driver``.
+
+    What it finds in ``store`` is of a process that died: it goes on from there, wherever it is.
+    """
+
+    def __init__(
+        self,
+        name: str,
+        setup: UavSetup,
+        planner: Planner,
+        driver: UavDriver,
+        store: Store,
+        custody: SampleCustody,
+    ) -> None:
         self.name = name
         self.peers = frozenset({setup.c3})
         self.finished = False
@@ -112,6 +195,8 @@ class UavAgent:
         self._setup = setup
         self._planner = planner
         self._driver = driver
+        self._store = store
+        self._custody = custody
         self._now_s = 0.0
         self._position: Point | None = None
         self._fleet: Fleet | None = None
@@ -125,19 +210,83 @@ class UavAgent:
         """What was decided and not said: the vehicle may fail between the two."""
         self._heard: dict[str, SurfacingReport] = {}
         """Reports heard at this tick from AUVs whose turn it was not."""
-        self._cargo: dict[tuple[str, int], RelayedSample] = {}
-        """Samples taken over in this sortie, by AUV and number."""
         self._undelivered: deque[SortieReport] = deque()
         """Reports that C3 has not acknowledged, oldest first; it gets them one by one."""
+        self._is_changed = False
+        """Whether its flight is another than the store knows."""
+        self._recall()
 
     def tick(self, now_s: float) -> list[Output]:
         """Decide on what was heard until the tick before, fly to ``now_s``, report at C3."""
+        output = self._tick(now_s)
+        self._remember()
+        return output
+
+    def receive(self, src: str, message: Message, now_s: float) -> list[Output]:
+        """Take an order, a report or samples of an AUV, an acknowledgement or a receipt."""
+        output = self._receive(src, message)
+        self._remember()
+        return output
+
+    def work(self, now_s: float) -> list[Output]:
+        """Plan the whole mission ahead, one slice further; that ends with the first departure."""
+        output = self._work(now_s)
+        if not self.is_busy:
+            self._remember()  # not after each slice: another process would begin anew
+        return output
+
+    # --- what outlives the process ---------------------------------------------------------------
+
+    def _remember(self) -> None:
+        """Store what has changed."""
+        fleet = self._fleet
+        if fleet is not None and fleet.is_changed:
+            self._store.put(_FLEET, '', fleet.memory())
+        if self._is_changed:
+            self._is_changed = False
+            flight = _FlightMemory(
+                sortie=self._sortie.memory() if self._sortie is not None else None,
+                finished=self.finished,
+                known_difference_m=self._headway.known_m,
+                difference_m=self._headway.difference_m,
+            )
+            self._store.put(_FLIGHT, '', flight)
+
+    def _recall(self) -> None:
+        """Go on where a process before this one left off."""
+        order = self._store.load(_ORDER, MissionOrder).get('')
+        if order is None:
+            return
+        setup = self._setup
+        self._fleet = Fleet(order, mission_spec(order, setup), self._planner)
+        self._fleet.recall(self._store.load(_FLEET, FleetMemory)[''])
+        flight = self._store.load(_FLIGHT, _FlightMemory)['']
+        self._sortie = flight.sortie.sortie(self._fleet) if flight.sortie is not None else None
+        self._headway = Headway(
+            setup.speed_mps * setup.tick_s, flight.known_difference_m, flight.difference_m
+        )
+        self.finished = flight.finished
+        reports = self._store.load(_REPORT, SortieReport).values()
+        self._undelivered = deque(sorted(reports, key=lambda report: report.sortie))
+        self.peers = frozenset({setup.c3, *self._fleet.names})
+        if self._is_before_take_off:
+            self._look_ahead, self.is_busy = self._fleet.look_ahead(self._now_s), True
+
+    @property
+    def _is_before_take_off(self) -> bool:
+        """Return whether no sortie has departed."""
+        sortie = self._sortie
+        return sortie is not None and sortie.number == 1 and sortie.departed_s is None
+
+    # --- a tick ----------------------------------------------------------------------------------
+
+    def _tick(self, now_s: float) -> list[Output]:
         self._untold += self._decide()
         target = self._steer()
         state = self._driver.step(now_s)
         is_next_tick = now_s - self._now_s < 1.5 * self._setup.tick_s
         if target is not None and self._position is not None and is_next_tick:
-            self._headway.note(self._position, state.position, target)
+            self._is_changed |= self._headway.note(self._position, state.position, target)
         self._now_s, self._position = now_s, state.position
         self._heard.clear()
         output = self._tell()
@@ -147,29 +296,31 @@ class UavAgent:
         output += self._report_to_c3()
         return output
 
-    def receive(self, src: str, message: Message, now_s: float) -> list[Output]:
-        """Take an order, a surfacing report or an acknowledgement."""
+    def _receive(self, src: str, message: Message) -> list[Output]:
         fleet = self._fleet
         match message:
             case MissionOrder() if src == self._setup.c3:
                 return self._ordered(message)
             case SurfacingReport() if fleet is not None and src == message.auv in fleet.names:
                 return [*self._tell(), *self._hear(fleet, message)]
+            case SampleBatch() if fleet is not None and src in fleet.names:
+                return self._take_samples(fleet, src, message)
+            case SampleReceipt() if src == self._setup.c3:
+                return self._relieved(message)
             case Acknowledgement():
                 return self._acknowledged(src, message)
             case _:
                 detail = f'the UAV takes no {type(message).__name__} from {src}'
                 return [Refuse(src, Refusal.UNEXPECTED, detail)]
 
-    def work(self, now_s: float) -> list[Output]:
-        """Plan the whole mission ahead, one slice further; that ends with the first departure."""
+    def _work(self, now_s: float) -> list[Output]:
         share = next(self._look_ahead, None)
         self.is_busy = share is not None
         if share is None:
             return []
         sortie = self._sortie
         if sortie is not None and sortie.order != sortie.fleet.visiting_order:
-            self._sortie = None  # it was never flown: the next one is the first one, too
+            self._sortie, self._is_changed = None, True  # never flown: the next is the first, too
             self._sortie = self._plan_sortie(sortie.fleet, overlooked=frozenset())
         return [Log(PlanningAhead(share=round(share, 2)), now_s)]
 
@@ -189,7 +340,8 @@ class UavAgent:
             self._sortie = self._plan_sortie(fleet, overlooked=frozenset())
         except ValueError as error:
             return [Refuse(self._setup.c3, Refusal.NOT_POSSIBLE, str(error))]
-        self._fleet = fleet
+        self._fleet, self._is_changed = fleet, True
+        self._store.put(_ORDER, '', order)
         self._look_ahead, self.is_busy = fleet.look_ahead(self._now_s), True
         self.peers = frozenset({self._setup.c3, *fleet.names})
         return [acknowledgement]
@@ -269,6 +421,7 @@ class UavAgent:
         return not is_before(sortie.back_by_s, back_s)
 
     def _break_off(self, sortie: _Sortie) -> list[Output]:
+        self._is_changed = True
         sortie.not_reached = tuple(dict.fromkeys(waypoint.auv for waypoint in sortie.rest))
         sortie.cursor = len(sortie.plan.route)
         broken_off = SearchBrokenOff(sortie=sortie.number, not_reached=sortie.not_reached)
@@ -285,7 +438,7 @@ class UavAgent:
     def _depart(self, sortie: _Sortie, met: tuple[str, ...] = ()) -> list[Output]:
         """Begin a sortie, at the time to leave or with an AUV that is met at C3."""
         mission = sortie.mission
-        sortie.departed_s = self._now_s
+        sortie.departed_s, self._is_changed = self._now_s, True
         # What is planned for the ground is out of date, and from now on the visiting order stays.
         self._look_ahead, self.is_busy = iter(()), False
         self._headway = self._headway.next_sortie()
@@ -321,11 +474,13 @@ class UavAgent:
                 if sortie.cursor + 1 == len(route) or route[sortie.cursor + 1].auv != waypoint.auv:
                     output += self._miss(sortie, waypoint.auv)
             sortie.cursor += 1
+            self._is_changed = True
         return output
 
     def _miss(self, sortie: _Sortie, auv: str) -> list[Output]:
         """Note that an AUV was searched to the end and not heard."""
         sortie.missed.add(auv)
+        self._is_changed = True
         missed = Missed(sortie=sortie.number, auv=auv)
         return [Log(missed, self._now_s), *self._searched_in_vain(sortie, auv)]
 
@@ -349,35 +504,40 @@ class UavAgent:
         searched = sortie.met.keys() | sortie.missed
         overlooked = tuple(leg.auv for leg in fleet.survey_legs() if leg.auv not in searched)
         self._sortie = self._plan_sortie(fleet, frozenset(overlooked))
-        self._undelivered.append(
-            SortieReport(
-                sortie=sortie.number,
-                departed_s=sortie.departed_s,
-                returned_s=self._now_s,
-                meetings=tuple(
-                    Meeting(
-                        auv=auv,
-                        time_s=time_s,
-                        cell=report.cell,
-                        ended_leg_id=report.leg_id,
-                        outcome=report.outcome,
-                        next_leg=fleet.next_leg(auv),
-                    )
-                    for auv, (time_s, report) in sortie.met.items()
-                ),
-                missed=tuple(auv for auv in sortie.order if auv in sortie.missed),
-                not_reached=overlooked,
-                lost=fleet.lost,
-                samples=tuple(self._cargo.values()),
-                next_sortie=_outlook(self._sortie) if self._sortie is not None else None,
-            )
+        self._is_changed = True
+        report = SortieReport(
+            sortie=sortie.number,
+            departed_s=sortie.departed_s,
+            returned_s=self._now_s,
+            meetings=tuple(
+                Meeting(
+                    auv=auv,
+                    time_s=time_s,
+                    cell=report.cell,
+                    ended_leg_id=report.leg_id,
+                    outcome=report.outcome,
+                    next_leg=fleet.next_leg(auv),
+                )
+                for auv, (time_s, report) in sortie.met.items()
+            ),
+            missed=tuple(auv for auv in sortie.order if auv in sortie.missed),
+            not_reached=overlooked,
+            lost=fleet.lost,
+            cargo=self._custody.spans,
+            next_sortie=_outlook(self._sortie) if self._sortie is not None else None,
         )
-        self._cargo.clear()
+        self._undelivered.append(report)
+        self._store.put(_REPORT, str(report.sortie), report)
         returned = SortieReturned(sortie=sortie.number, duration_s=self._now_s - sortie.departed_s)
         return [Log(returned, self._now_s)]
 
     def _report_to_c3(self) -> list[Output]:
-        return [Transmit(self._setup.c3, report) for report in tuple(self._undelivered)[:1]]
+        """Say the oldest report that C3 lacks, and on the ground the samples, too."""
+        c3 = self._setup.c3
+        output: list[Output] = [Transmit(c3, report) for report in tuple(self._undelivered)[:1]]
+        if self._sortie is None or self._sortie.departed_s is None:
+            output += [Transmit(c3, batch) for batch in self._custody.batches(self._now_s)]
+        return output
 
     def _acknowledged(self, src: str, message: Acknowledgement) -> list[Output]:
         if src == self._setup.c3 and message.acknowledges is Acknowledged.SORTIE_REPORT:
@@ -390,8 +550,21 @@ class UavAgent:
         if not self._undelivered or sortie_number != self._undelivered[0].sortie:
             return []  # a late copy
         self._undelivered.popleft()
-        self.finished = self._sortie is None and not self._undelivered
+        self._store.drop(_REPORT, str(sortie_number))
+        self._look_for_end()
         return self._report_to_c3()
+
+    def _relieved(self, receipt: SampleReceipt) -> list[Output]:
+        """Note which samples are at C3; say those that it lacks."""
+        self._custody.passed_on(receipt)
+        self._look_for_end()
+        return self._report_to_c3()
+
+    def _look_for_end(self) -> None:
+        """Note whether nothing is left to do."""
+        is_relieved = not self._undelivered and not self._custody.spans
+        if self._sortie is None and is_relieved and not self.finished:
+            self.finished = self._is_changed = True
 
     # --- a meeting -------------------------------------------------------------------------------
 
@@ -400,13 +573,48 @@ class UavAgent:
         fleet.heard(report)
         is_recovered = fleet.next_leg(auv) is None
         if is_recovered or (sortie is not None and auv in sortie.met):
-            return fleet.answer(report, self._now_s)
+            return self._go_on(fleet, report)
         if sortie is None:
             return []
         if self._may_meet(sortie, auv):
             return self._meet(sortie, report)
         self._heard[auv] = report
         return []
+
+    def _go_on(self, fleet: Fleet, report: SurfacingReport) -> list[Output]:
+        """Go on with the hand-over to an AUV that was met and is still there."""
+        if fleet.hand_over(report) is None:
+            return []
+        if not problem_with_samples(report.samples, report.auv, fleet.mission.grid):
+            self._custody.take(report.samples)
+        return self._answer(fleet, report.auv)
+
+    def _take_samples(self, fleet: Fleet, auv: str, batch: SampleBatch) -> list[Output]:
+        problem = problem_with_samples(batch.samples, auv, fleet.mission.grid)
+        if problem:
+            return [Refuse(auv, Refusal.CONTRADICTORY, problem)]
+        self._custody.take(batch.samples)
+        return self._answer(fleet, auv)
+
+    def _answer(self, fleet: Fleet, auv: str) -> list[Output]:
+        """Say which samples are held; when that is all of them, or time is up, what is next."""
+        output: list[Output] = [Transmit(auv, self._custody.receipt(auv))]
+        hand_over = fleet.hand_over_to(auv)
+        if hand_over is None:
+            return output
+        has_all = self._custody.has_all(auv, hand_over.samples_taken)
+        if has_all or not self._waits_for_data(fleet, hand_over, auv):
+            output += fleet.answer(auv, self._now_s)
+        return output
+
+    def _waits_for_data(self, fleet: Fleet, hand_over: HandOver, auv: str) -> bool:
+        """Return whether an AUV is to hand over more data before it is told what comes next."""
+        if hand_over.plan is None:
+            # It stays here anyway; but who knows what an AUV that is off course has measured.
+            return hand_over.reason is not RecoveryReason.OFF_COURSE
+        sortie, position = self._sortie, self._position
+        may_stay = sortie is None or position is None or self._awaits_answer(sortie, position)
+        return may_stay and fleet.is_time_for_data(auv, self._now_s)
 
     def _may_meet(self, sortie: _Sortie, auv: str) -> bool:
         """Return whether an AUV that is heard is met now."""
@@ -419,18 +627,22 @@ class UavAgent:
 
     def _meet(self, sortie: _Sortie, report: SurfacingReport) -> list[Output]:
         fleet, auv = sortie.fleet, report.auv
+        output: list[Output] = []
         problem = fleet.problem_with(report)
         if problem:
-            return [Refuse(auv, Refusal.CONTRADICTORY, problem)]
-        position = self._position or fleet.mission.c3
-        encounter = fleet.meet(report, sortie.to_meet, position, self._now_s)
-        for sample in encounter.samples:
-            self._cargo[auv, sample.number] = RelayedSample(auv=auv, sample=sample)
-        output: list[Output] = []
+            output.append(Refuse(auv, Refusal.CONTRADICTORY, problem))
+            if not fleet.is_off_course(report, self._now_s):
+                return output
+            encounter = fleet.take_off_course(report, self._now_s)
+        else:
+            position = self._position or fleet.mission.c3
+            encounter = fleet.meet(report, sortie.to_meet, position, self._now_s)
+            self._custody.take(report.samples)
         if sortie.departed_s is None:
             output += self._depart(sortie, met=(auv,))
         if encounter.was_lost:
             output.append(Log(HeardAgain(auv=auv), self._now_s))
+        self._is_changed = True
         sortie.met[auv] = (self._now_s, report)
         sortie.missed.discard(auv)
         plan = encounter.plan
@@ -444,7 +656,7 @@ class UavAgent:
             sortie_time_s=plan.sortie_time_s if plan else None,
             plan_status=plan.status.value if plan else None,
         )
-        output += [Log(met, self._now_s), *encounter.answer]
+        output += [Log(met, self._now_s), *self._answer(fleet, auv)]
         waiting = self._heard.pop(sortie.turn or '', None)
         return output + self._hear(fleet, waiting) if waiting else output
 

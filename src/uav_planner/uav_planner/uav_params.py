@@ -6,10 +6,12 @@ from typing import Annotated
 
 import msgspec
 
-from msgs_json.agent_shell import AgentShell
+from msgs_json.agent_params import AgentParams
+from msgs_json.agent_shell import AgentSetting, AgentShell, recalled
+from msgs_json.custody import SampleCustody
 from msgs_json.drivers import DriverPorts, UavDriverSetup, find_driver
 from msgs_json.geometry import Point
-from msgs_json.params import Params, param
+from msgs_json.params import param
 from msgs_json.straight_motion import Flow
 from uav_planner.mission_order import UavSetup
 from uav_planner.planners import make_planner
@@ -19,10 +21,9 @@ from uav_planner.uav_agent import UavAgent
 DRIVERS = 'uav_planner.drivers'
 
 
-class UavParams(Params, frozen=True):
+class UavParams(AgentParams, frozen=True):
     """Parameters of ``uav_planner uav``."""
 
-    name: Annotated[str, param('agent name; empty: the last part of the node namespace')] = ''
     c3: Annotated[str, param('name of the station')] = 'c3'
     home_east_m: Annotated[
         float, param('where the UAV starts: the position of C3', unit='m', ge=-1e6, le=1e6)
@@ -48,7 +49,9 @@ class UavParams(Params, frozen=True):
     driver: Annotated[str, param(f'vehicle driver, an entry point of {DRIVERS}')] = 'kinematic'
 
 
-def make_uav(params: UavParams, ports: DriverPorts, planner: Planner | None = None) -> AgentShell:
+def make_uav(
+    params: UavParams, ports: DriverPorts, setting: AgentSetting, planner: Planner | None = None
+) -> AgentShell:
     """
     Return the UAV's agent with its driver and its planner, or another one that is given.
 
@@ -56,6 +59,8 @@ def make_uav(params: UavParams, ports: DriverPorts, planner: Planner | None = No
     ------
     ValueError
         A parameter is not usable; the text names it.
+    StoreError
+        The store of the setting is not usable.
 
     """
     try:
@@ -71,6 +76,7 @@ def make_uav(params: UavParams, ports: DriverPorts, planner: Planner | None = No
         altitude_m=params.altitude_m,
         wind=Flow(east_mps=params.wind_east_mps, north_mps=params.wind_north_mps),
     )
+    driver = recalled(find_driver(DRIVERS, params.driver)(setup, ports), setting.store)
     agent = UavAgent(
         params.name,
         UavSetup(
@@ -81,6 +87,8 @@ def make_uav(params: UavParams, ports: DriverPorts, planner: Planner | None = No
             arrival_radius_m=params.arrival_radius_m,
         ),
         planner or make_planner(params.planner, **options),
-        find_driver(DRIVERS, params.driver)(setup, ports),
+        driver,
+        setting.store,
+        SampleCustody(setting.store, params.max_message_bytes, params.response_s),
     )
-    return AgentShell(agent)
+    return AgentShell(agent, setting)  # TEMP driver
