@@ -108,7 +108,7 @@ class SqliteStore(BufferedStore):
         execute = self._connection.execute
         (found,) = execute('PRAGMA quick_check(1)').fetchone()
         if found != 'ok':
-            raise self._damaged(found)
+            raise self._damaged(' '.join(found.split()))
         (version,) = execute('SELECT version FROM store').fetchone()
         if version != FORMAT_VERSION:
             raise StoreError(
