@@ -35,9 +35,14 @@ def read_key(path: str) -> bytes:
         raise ValueError(f'key file {path!r}: {error}') from None
 
 
-def write_new_key(path: Path) -> None:
+def new_key() -> bytes:
+    """Return a key that was drawn just now."""
+    return secrets.token_bytes(KEY_MIN_BYTES)
+
+
+def write_key(path: Path, key: bytes) -> None:
     """
-    Draw a key and write it to a new file that only its owner may read.
+    Write a key to a new file that only its owner may read.
 
     Raises
     ------
@@ -50,7 +55,7 @@ def write_new_key(path: Path) -> None:
     with os.fdopen(file, 'w', encoding='ascii') as stream:
         # An unusual umask may have taken the owner's own rights.
         os.fchmod(file, 0o600)
-        stream.write(f'{secrets.token_hex(KEY_MIN_BYTES)}\n')
+        stream.write(f'{key.hex()}\n')
         stream.flush()
         # A mission is resumed with its key, even after the whole machine went down.
         os.fsync(file)

@@ -8,9 +8,10 @@ from pathlib import Path
 import pytest
 
 from msgs_json.authentication import KEY_MIN_BYTES, Authenticator
-from msgs_json.key_file import read_key, write_new_key
+from msgs_json.key_file import read_key, write_key
 
-HEX = bytes(range(KEY_MIN_BYTES)).hex()
+KEY = bytes(range(KEY_MIN_BYTES))
+HEX = KEY.hex()
 
 
 @pytest.fixture
@@ -33,7 +34,7 @@ def umask(request: pytest.FixtureRequest) -> Iterator[int]:
 @pytest.mark.usefixtures('umask')
 def test_a_new_key_is_for_its_owner_alone(tmp_path: Path) -> None:
     path = tmp_path / 'mission.key'
-    write_new_key(path)
+    write_key(path, KEY)
     assert stat.S_IMODE(path.stat().st_mode) == 0o600
     assert len(read_key(str(path))) == KEY_MIN_BYTES
 
@@ -52,7 +53,7 @@ def test_a_new_key_is_never_open_to_others(
     monkeypatch.setattr(os, 'open', watched_open)
     before = os.umask(0)
     try:
-        write_new_key(tmp_path / 'mission.key')
+        write_key(tmp_path / 'mission.key', KEY)
     finally:
         os.umask(before)
     assert made == [0o600]
@@ -61,20 +62,20 @@ def test_a_new_key_is_never_open_to_others(
 def test_no_two_keys_are_the_same(tmp_path: Path) -> None:
     paths = [tmp_path / f'{number}.key' for number in range(10)]
     for path in paths:
-        write_new_key(path)
+        write_key(path, KEY)
     assert len({read_key(str(path)) for path in paths}) == len(paths)
 
 
 def test_a_key_is_not_written_over(key_file: Path) -> None:
     with pytest.raises(FileExistsError):
-        write_new_key(key_file)
+        write_key(key_file, KEY)
     assert read_key(str(key_file)).hex() == HEX
 
 
 def test_a_key_is_not_written_through_a_link(tmp_path: Path) -> None:
     (tmp_path / 'link').symlink_to(tmp_path / 'elsewhere')
     with pytest.raises(FileExistsError):
-        write_new_key(tmp_path / 'link')
+        write_key(tmp_path / 'link', KEY)
     assert not (tmp_path / 'elsewhere').exists()
 
 

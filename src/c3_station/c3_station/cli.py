@@ -109,6 +109,11 @@ def _run_options(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument('--no-ros', action='store_true', help='in one process, without ROS')
     parser.add_argument('--no-bag', action='store_true', help='record nothing')
+    parser.add_argument(
+        '--key-file',
+        type=Path,
+        help='key that signs what goes by radio, mode 0600 (default: a new one)',
+    )
 
 
 def _run(options: argparse.Namespace, console: Console) -> ExitCode:
@@ -133,6 +138,7 @@ def _run(options: argparse.Namespace, console: Console) -> ExitCode:
             rate=rate,
             ros=not options.no_ros,
             bag=not options.no_bag,
+            key_file=options.key_file,
         ),
         console,
     )

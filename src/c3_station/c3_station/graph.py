@@ -60,6 +60,8 @@ def write_params(
     rate: float,
     bag: Path | None,
     reply_timeout_s: float = WorldParams().reply_timeout_s,
+    stores: Path | None = None,
+    key: Path | None = None,
 ) -> None:
     """
     Write the parameters of every node of a mission, for ``--params-file``.
@@ -76,6 +78,10 @@ def write_params(
         Where the recorder writes; None for a mission without one.
     reply_timeout_s
         Wall time after which the world reports a silent node as dead.
+    stores
+        Folder in which each agent keeps what it must know after a crash; None: in memory.
+    key
+        File with the key of the mission; None: nothing is signed.
 
     Raises
     ------
@@ -88,10 +94,17 @@ def write_params(
         f'/{WORLD}/world': msgspec.structs.replace(
             params.world, rate=rate, recorder=bag is not None, reply_timeout_s=reply_timeout_s
         ),
-        f'/{C3}/c3': params.c3,
-        f'/{UAV}/uav': params.uav,
     }
-    nodes |= {f'/{auv.name}/auv': auv for auv in params.auvs}
+    for kind, agent in (
+        ('c3', params.c3),
+        ('uav', params.uav),
+        *(('auv', a) for a in params.auvs),
+    ):
+        nodes[f'/{agent.name}/{kind}'] = msgspec.structs.replace(
+            agent,
+            store=str(stores / f'{agent.name}.sqlite') if stores is not None else '',
+            key_file=str(key) if key is not None else '',
+        )
     nodes |= {
         f'/{fleet}/fleet': FleetParams(auvs=names) for fleet, names in _fleets(scenario).items()
     }

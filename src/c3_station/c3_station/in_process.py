@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 from auv_sim.auv_params import make_auv
 from auv_sim.kernel import Sink, run_mission
 from auv_sim.world_params import make_world
@@ -11,41 +13,46 @@ from c3_station.scenario import Scenario
 from msgs_json.agent_shell import AgentSetting, AgentShell
 from msgs_json.authentication import Authenticator
 from msgs_json.drivers import NoPorts
+from msgs_json.key_file import new_key
 from msgs_json.store import MemoryStore
 from uav_planner.planning import Planner
 from uav_planner.uav_params import make_uav
+
+MakeSetting = Callable[[str], AgentSetting]
+"""Returns the store and the key of an agent, by its name."""
+
+
+def in_memory(key: bytes | None = None) -> MakeSetting:
+    """Return settings of agents that keep what they know in memory; by default with a new key."""
+    authenticator = Authenticator(key or new_key())
+    return lambda name: AgentSetting(store=MemoryStore(), authenticator=authenticator)
 
 
 def fly(
     scenario: Scenario,
     sink: Sink,
     planner: Planner | None = None,
-    key: bytes | None = None,
+    make_setting: MakeSetting | None = None,
 ) -> None:
     """
     Fly a mission to its end, passing on every message; see `auv_sim.kernel`.
 
-    A planner that is given flies instead of the one that the scenario names. With a key, radio
-    messages are signed and checked.
+    A planner that is given flies instead of the one that the scenario names.
     """
     params = mission_params(scenario)
-    authenticator = Authenticator(key) if key is not None else None
-    agents = make_agents(params, authenticator, planner)
+    agents = make_agents(params, make_setting or in_memory(), planner)
     run_mission(make_world(params.world), agents, sink)
 
 
 def make_agents(
-    params: MissionParams,
-    authenticator: Authenticator | None = None,
-    planner: Planner | None = None,
+    params: MissionParams, make_setting: MakeSetting, planner: Planner | None = None
 ) -> dict[str, AgentShell]:
     """Return the agents of a mission by name; simulated vehicles need no topics."""
-
-    def setting() -> AgentSetting:
-        return AgentSetting(store=MemoryStore(), authenticator=authenticator)
-
+    c3, uav = params.c3, params.uav
     agents = {
-        params.c3.name: make_c3(params.c3, setting()),
-        params.uav.name: make_uav(params.uav, NoPorts(), setting(), planner),
+        c3.name: make_c3(c3, make_setting(c3.name)),
+        uav.name: make_uav(uav, NoPorts(), make_setting(uav.name), planner),
     }
-    return agents | {auv.name: make_auv(auv, NoPorts(), setting()) for auv in params.auvs}
+    return agents | {
+        auv.name: make_auv(auv, NoPorts(), make_setting(auv.name)) for auv in params.auvs
+    }

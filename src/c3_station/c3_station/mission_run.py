@@ -40,6 +40,8 @@ class RunOptions:
     """Times real time; 0 as fast as possible."""
     ros: bool
     bag: bool
+    key_file: Path | None
+    """With the mission's key; None for a new one."""
 
 
 def run_mission(scenario: Scenario, options: RunOptions, console: Console) -> ExitCode:
@@ -52,7 +54,7 @@ def run_mission(scenario: Scenario, options: RunOptions, console: Console) -> Ex
         The folder cannot be used.
 
     """
-    folder = new_run_folder(options.out, scenario, force=options.force)
+    folder = new_run_folder(options.out, scenario, force=options.force, key_file=options.key_file)
     folder.scenario.write_bytes(scenario_json(scenario))
     monitor = MissionMonitor(scenario, UAV)
     way = 'ROS 2 nodes' if options.ros else 'one process'

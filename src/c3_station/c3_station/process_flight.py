@@ -9,12 +9,13 @@ from time import monotonic
 
 from c3_station.bag import BagFacts, BagWriter, stamp_ns
 from c3_station.flight import Flight
-from c3_station.in_process import fly
+from c3_station.in_process import fly, in_memory
 from c3_station.mission_monitor import MissionMonitor
 from c3_station.recorded_topics import mission_topics
 from c3_station.run_folder import RunFolder
 from c3_station.scenario import Scenario
 from msgs_json.agent_shell import Frame
+from msgs_json.key_file import read_key
 from msgs_json.ros_messages import ClockTime, nanoseconds, to_cdr
 from msgs_json.topics import MISSION_EVENTS
 
@@ -44,7 +45,8 @@ def fly_in_process(
         writer = None
         if bag:
             writer = stack.enter_context(BagWriter(folder.bag, mission_topics(scenario)))
-        fly(scenario, _Sink(monitor, writer, rate, refresh))
+        sink = _Sink(monitor, writer, rate, refresh)
+        fly(scenario, sink, make_setting=in_memory(read_key(str(folder.key))))
         wall_s = monotonic() - began_s
         if writer is not None:
             writer.close(

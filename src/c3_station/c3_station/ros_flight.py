@@ -52,6 +52,8 @@ def fly_on_ros(
             rate=rate,
             bag=folder.bag if bag else None,
             reply_timeout_s=_REPLY_TIMEOUT_S,
+            stores=folder.stores,
+            key=folder.key,
         )
         watch = _Watch(monitor, refresh)
         try:
