@@ -154,7 +154,7 @@ class AgentShell:
         self.agent = agent
         self.refused: Counter[tuple[str, Refusal]] = Counter()
         self.genuine_from: str | None = None
-        """Who sent the payload that was heard last; None where it was no sound one, or a forgery."""
+        """Who sent the payload that was heard last; None where it was malformed, or a forgery."""
         self._worker = agent if isinstance(agent, Worker) else None
         self._store = setting.store
         self._authenticator = setting.authenticator
@@ -254,7 +254,7 @@ class AgentShell:
     # --- what goes out ---------------------------------------------------------------------------
 
     def _stored(self, outputs: list[Output], now_s: float) -> list[Frame]:
-        """Return what may be said of what came of an input, once all that has changed is stored."""
+        """Return what may be said after an input, once all that it has changed is stored."""
         frames = self._frames(outputs, now_s)
         if self._vehicle is not None:
             memory = self._vehicle.memory()

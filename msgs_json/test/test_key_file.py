@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from msgs_json.authentication import KEY_MIN_BYTES, Authenticator
-from msgs_json.key_file import read_key, write_key
+from msgs_json.key_file import new_key, read_key, write_key
 
 KEY = bytes(range(KEY_MIN_BYTES))
 HEX = KEY.hex()
@@ -36,7 +36,7 @@ def test_a_new_key_is_for_its_owner_alone(tmp_path: Path) -> None:
     path = tmp_path / 'mission.key'
     write_key(path, KEY)
     assert stat.S_IMODE(path.stat().st_mode) == 0o600
-    assert len(read_key(str(path))) == KEY_MIN_BYTES
+    assert read_key(str(path)) == KEY
 
 
 def test_a_new_key_is_never_open_to_others(
@@ -59,11 +59,10 @@ def test_a_new_key_is_never_open_to_others(
     assert made == [0o600]
 
 
-def test_no_two_keys_are_the_same(tmp_path: Path) -> None:
-    paths = [tmp_path / f'{number}.key' for number in range(10)]
-    for path in paths:
-        write_key(path, KEY)
-    assert len({read_key(str(path)) for path in paths}) == len(paths)
+def test_no_two_keys_are_the_same() -> None:
+    keys = {new_key() for _ in range(10)}
+    assert len(keys) == 10
+    assert {len(key) for key in keys} == {KEY_MIN_BYTES}
 
 
 def test_a_key_is_not_written_over(key_file: Path) -> None:

@@ -111,7 +111,8 @@ class MissionMonitor:
 
     def message(self, topic: str, message: RosMessage) -> None:
         """Take what was published on an absolute topic; what says nothing here is passed over."""
-        self.summarizer.message(topic, message)
+        if not self.summarizer.message(topic, message):
+            return
         match message:
             case ClockTime(time_s=time_s) if topic == CLOCK.name:
                 self._clock(time_s)

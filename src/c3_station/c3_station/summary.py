@@ -56,7 +56,6 @@ if TYPE_CHECKING:
     from msgs_json.agent_shell import Frame
 
 _FIGURES_IN = (
-    MISSION_EVENTS.name,
     MISSION_STATUS.resolve(f'/{C3}'),
     RADIO_STATUS.resolve(f'/{WORLD}'),
 )
@@ -230,6 +229,8 @@ class Summarizer:
         """What C3 showed last."""
         self.contacts: dict[str, list[tuple[float, ContactState | None]]] = {}
         """By AUV: each change of what C3 made of its silence, with its stamp."""
+        self._log: set[bytes] = set()
+        """Entries as they came: a node that was restarted may say its last ones again."""
         self._radio: RadioStatus | None = None
         self._unreadable = 0
         self._latest_s = 0.0
@@ -239,13 +240,23 @@ class Summarizer:
         if not isinstance(frame.message, Odometry):  # many, and they say nothing here
             self.message(frame.topic.resolve(f'/{name}'), frame.message)
 
-    def message(self, topic: str, message: RosMessage) -> None:
-        """Take a message of an absolute topic; those that say nothing here are passed over."""
+    def message(self, topic: str, message: RosMessage) -> bool:
+        """
+        Take a message of an absolute topic; those that say nothing here are passed over.
+
+        Return whether it is to be taken notice of: an entry of the log is once only.
+        """
         match message:
             case ClockTime(time_s=time_s) if topic == CLOCK.name:
                 self._latest_s = max(self._latest_s, time_s)
+            case Text(data=data) if topic == MISSION_EVENTS.name:
+                if data in self._log:
+                    return False
+                self._log.add(data)
+                self._json(data)
             case Text(data=data) if topic in _FIGURES_IN:
                 self._json(data)
+        return True
 
     def event(self, source: str, stamp_s: float, event: Event) -> None:
         """Take an event."""
