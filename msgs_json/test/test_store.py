@@ -137,6 +137,16 @@ def test_values_come_back_as_they_were(store: Store) -> None:
     store.close()
 
 
+def test_values_come_in_the_order_of_their_keys(store: Store) -> None:
+    keys = ['b', '\U0001f40b', 'a/9', '\uffee', 'a/10', '']
+    for key in keys:
+        store.put('leg', key, 0)
+    store.commit()
+
+    assert list(store.load('leg', int)) == sorted(keys)
+    store.close()
+
+
 def test_a_value_of_another_type_is_an_error_that_names_it(store: Store) -> None:
     store.put('leg', 'auv_1', 'not a leg')
     store.commit()
