@@ -15,7 +15,7 @@ from msgs_json.agent_shell import AgentSetting, AgentShell, Frame
 from msgs_json.authentication import Authenticator
 from msgs_json.drivers import DriverPorts
 from msgs_json.guarded_agent import GuardedAgent
-from msgs_json.host_node import HostedNode, message_class
+from msgs_json.host_node import HostedNode, message_class, steady_us
 from msgs_json.key_file import read_key
 from msgs_json.lockstep_client import AgentClient
 from msgs_json.messages import Go, Tick
@@ -140,7 +140,7 @@ class AgentNode(HostedNode):
     # --- lockstep --------------------------------------------------------------------------------
 
     def _join_lockstep(self) -> None:
-        client = AgentClient(self._agent)
+        client = AgentClient(self._agent, life=steady_us())
         self._work = client.work
 
         # A tick brings its time with it, and nothing here runs on the node's own clock. To set

@@ -72,6 +72,10 @@ class Speaker:
         self._authenticator = authenticator
         self._seq: Counter[str] = Counter()
 
+    def next_seq(self, topic: Topic) -> int:
+        """Return the number of what is said next on a topic."""
+        return self._first_seq + self._seq[topic.name]
+
     def frame(self, topic: Topic, body: Message, stamp_s: float, dst: str | None = None) -> Frame:
         """Return a frame with the body in an envelope."""
         seq = self._seq[topic.name]
@@ -179,6 +183,11 @@ class AgentShell:
     def is_busy(self) -> bool:
         """Return whether the agent has work left to do before anything else is asked of it."""
         return self._worker is not None and self._worker.is_busy
+
+    @property
+    def next_seq(self) -> int:
+        """Return the number of what the agent says next by radio."""
+        return self._speaker.next_seq(RADIO_TX)
 
     def tick(self, now_s: float) -> list[Frame]:
         """Tick the agent."""

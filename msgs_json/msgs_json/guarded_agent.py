@@ -40,6 +40,11 @@ class GuardedAgent:
         return self._shell.agent.finished
 
     @property
+    def next_seq(self) -> int:
+        """Return the number of what the agent says next by radio."""
+        return self._shell.next_seq
+
+    @property
     def is_busy(self) -> bool:
         """Return whether the agent has work left to do before anything else is asked of it."""
         return self._shell.is_busy

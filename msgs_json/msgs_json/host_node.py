@@ -42,6 +42,8 @@ from msgs_json.topics import Qos, Topic
 STEADY_CLOCK = Clock(clock_type=ClockType.STEADY_TIME)
 """Wall time that is never set back, for what has to do with processes, not with missions."""
 
+_MICROSECOND_NS = 1000
+
 _PULSE_S = 0.1
 """A signal is noticed at the latest after this time."""
 
@@ -56,6 +58,11 @@ _ARRAY_TYPES: dict[type | None, Parameter.Type] = {
 
 ParamsT = TypeVar('ParamsT', bound=Params)
 PayloadT = TypeVar('PayloadT')
+
+
+def steady_us() -> int:
+    """Return microseconds of the machine's steady clock, which tell lives apart."""
+    return STEADY_CLOCK.now().nanoseconds // _MICROSECOND_NS
 
 
 class SetupError(ValueError):

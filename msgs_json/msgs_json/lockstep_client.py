@@ -6,9 +6,15 @@ endpoints of a process in the order of their creation, and a node says hello on 
 makes last, so who hears the hello already knows every publisher of that node; the same holds for
 the subscription on which it is heard, if that is made last. So a hello proves the way from the
 agent to its hearer, and the world's go the way back.
+
+A node may die and come up again while the mission is under way. Its hello begins another life, of
+which nothing counts that came before; the world answers with another go, which the recorder
+answers too, and holds the open tick until then.
 """
 
 from __future__ import annotations
+
+from collections import Counter
 
 from msgs_json.agent_shell import Frame, Speaker
 from msgs_json.codec import MessageError, Refusal
@@ -28,11 +34,25 @@ class AgentClient:
     them, `work` is to be called before any other.
     """
 
-    def __init__(self, agent: GuardedAgent) -> None:
+    def __init__(self, agent: GuardedAgent, *, life: int) -> None:
+        """
+        Begin before the first tick.
+
+        Parameters
+        ----------
+        agent
+            It must be as it was left by its former life, where it had one.
+        life
+            Microseconds on the steady clock.
+
+        """
         self._agent = agent
+        self._life = life
         self._speaker = Speaker(agent.name)
         self._nodes: frozenset[str] = frozenset()
         """Everybody in this world."""
+        self._go: int | None = None
+        """Number of the go that was the first for this life."""
         self._tick: Tick | None = None
         self._received = 0
         self._sent = 0
@@ -40,7 +60,8 @@ class AgentClient:
 
     def hello(self) -> Frame:
         """Return the hello; all publishers and subscriptions must exist."""
-        return self._speaker.frame(WORLD_HELLO, Hello(kind=NodeKind.AGENT), 0.0)
+        hello = Hello(kind=NodeKind.AGENT, life=self._life, next_seq=self._agent.next_seq)
+        return self._speaker.frame(WORLD_HELLO, hello, 0.0)
 
     @property
     def is_busy(self) -> bool:
@@ -49,7 +70,7 @@ class AgentClient:
 
     def go(self, go: Go) -> list[Frame]:
         """
-        Answer that the world was heard.
+        Answer that the world was heard; a go for a former life, or for others, is not answered.
 
         Raises
         ------
@@ -57,8 +78,12 @@ class AgentClient:
             The world does not know this agent.
 
         """
-        self._nodes = frozenset(go.nodes)
-        return [_ready(self._speaker, self._agent.name, go)]
+        if self._agent.name not in go.lives:
+            raise _not_meant(self._agent.name, go)
+        if go.lives[self._agent.name] != self._life or self._go is not None:
+            return []
+        self._nodes, self._go = frozenset(go.lives), go.number
+        return [self._speaker.frame(WORLD_READY, Ready(go=go.number), 0.0)]
 
     def tick(self, tick: Tick) -> list[Frame]:
         """
@@ -66,6 +91,8 @@ class AgentClient:
 
         A tick in which its vehicle fails is not answered but tried again when it is repeated.
         """
+        if self._go is None or tick.go < self._go:
+            return []  # not everybody can hear this agent yet
         if self._tick is not None and tick.tick < self._tick.tick:
             return []
         frames: list[Frame] = []
@@ -81,7 +108,8 @@ class AgentClient:
         Raises
         ------
         MessageError
-            It came before the first tick, so not from the world.
+            It came before the first tick: it is not from the world, or was meant for the former
+            life and will be delivered again.
 
         """
         if self._tick is None:
@@ -115,6 +143,7 @@ class AgentClient:
             sent=self._sent,
             published=self._published,
             finished=self._agent.finished,
+            life=self._life,
             busy=self._agent.is_busy,
         )
         return [self._speaker.frame(WORLD_DONE, done, tick.time_s)]
@@ -128,69 +157,74 @@ class RecorderClient:
     it by. In its `Done`, ``received`` is the number of messages stored.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, *, life: int) -> None:
         self.has_all = False
         """Whether the mission is over and everything that was published in it is stored."""
+        self._life = life
         self._speaker = Speaker(RECORDER)
-        self._heard = {RECORDER}
+        self._heard = {RECORDER: life}
+        """The latest life of everybody."""
         self._go: Go | None = None
-        self._stored = 0
+        """One that is not answered yet."""
+        self._stored: Counter[str] = Counter()
+        """Messages by node."""
         self._tick: Tick | None = None
         self._is_asked = False
         """Whether the world waits for an answer to this tick."""
-        self._is_last = False
 
     def hello(self) -> Frame:
         """Return the hello; all publishers and subscriptions must exist."""
-        return self._speaker.frame(WORLD_HELLO, Hello(kind=NodeKind.RECORDER), 0.0)
+        hello = Hello(kind=NodeKind.RECORDER, life=self._life)
+        return self._speaker.frame(WORLD_HELLO, hello, 0.0)
 
-    def hear_hello(self, src: str) -> list[Frame]:
-        """Note that everything an agent publishes arrives here."""
-        self._heard.add(src)
+    def hear_hello(self, src: str, hello: Hello) -> list[Frame]:
+        """Note that everything an agent publishes in this life arrives here."""
+        self._heard[src] = max(self._heard.get(src, 0), hello.life)
         return self._say_ready()
 
     def go(self, go: Go) -> list[Frame]:
         """Note whom the world expects; raises `MessageError` where this is not the recorder's."""
+        if RECORDER not in go.lives:
+            raise _not_meant(RECORDER, go)
         self._go = go
         return self._say_ready()
 
     def tick(self, tick: Tick) -> list[Frame]:
-        """
-        Answer at once, or later from `store`; ticks that ask nothing are not answered.
-
-        Where the world asks anew within a tick, that tick was its last.
-        """
-        before, self._tick = self._tick, tick
-        self._is_asked = tick.published is not None
-        self._is_last = self._is_last or (
-            before is not None and before.tick == tick.tick and before.published != tick.published
-        )
+        """Answer at once, or later from `store`; ticks that ask nothing are not answered."""
+        self._tick, self._is_asked = tick, tick.published is not None
         return self._say_done()
 
-    def store(self) -> list[Frame]:
-        """Note that one more message has come; it must be stored before an answer is sent."""
-        self._stored += 1
+    def store(self, src: str) -> list[Frame]:
+        """Note one more message of a node; it must be stored before an answer is sent."""
+        self._stored[src] += 1
         return self._say_done() if self._is_asked else []
 
     def _say_ready(self) -> list[Frame]:
-        if self._go is None or not self._heard.issuperset(self._go.nodes):
+        go = self._go
+        # Of a life that is over already no hello comes any more; the next one's will do.
+        if go is None or any(self._heard.get(name, -1) < life for name, life in go.lives.items()):
             return []
-        return [_ready(self._speaker, RECORDER, self._go)]
+        self._go = None
+        ready = Ready(go=go.number, stored=dict(self._stored))
+        return [self._speaker.frame(WORLD_READY, ready, 0.0)]
 
     def _say_done(self) -> list[Frame]:
-        tick = self._tick
-        if tick is None or tick.published is None or self._stored < tick.published:
+        tick, stored = self._tick, self._stored.total()
+        if tick is None or tick.published is None or stored < tick.published:
             return []
-        self._is_asked, self.has_all = False, self._is_last
-        done = Done(tick=tick.tick, received=self._stored, sent=0, published=0, finished=False)
+        self._is_asked, self.has_all = False, tick.last
+        done = Done(
+            tick=tick.tick,
+            received=stored,
+            sent=0,
+            published=0,
+            finished=False,
+            life=self._life,
+        )
         return [self._speaker.frame(WORLD_DONE, done, tick.time_s)]
 
 
-def _ready(speaker: Speaker, name: str, go: Go) -> Frame:
-    if name not in go.nodes:
-        raise MessageError(
-            Refusal.NOT_ADDRESSED,
-            'world',
-            f'the world runs {", ".join(go.nodes)}, this is {name}',
-        )
-    return speaker.frame(WORLD_READY, Ready(), 0.0)
+def _not_meant(name: str, go: Go) -> MessageError:
+    return MessageError(
+        Refusal.NOT_ADDRESSED, 'world', f'the world runs {", ".join(go.lives)}, this is {name}'
+    )

@@ -555,6 +555,14 @@ class StorageRestored(Event, frozen=True):
     """Any agent: stores again what it learns, and speaks."""
 
 
+class NodeRestarted(Event, frozen=True):
+    """World: a node has died and is back; no time has passed meanwhile."""
+
+    node: str
+    restarts: Count
+    """How often that was so far."""
+
+
 class MissionStopped(Event, frozen=True):
     """World: the simulation ended before C3 called the mission complete."""
 
@@ -582,11 +590,20 @@ MissionEvent = (
     | MessageRefused
     | StorageFailed
     | StorageRestored
+    | NodeRestarted
     | MissionStopped
 )
 
 
 # --- lockstep ------------------------------------------------------------------------------------
+
+
+Life = Count
+"""
+When a process came up, in microseconds of its machine's steady clock.
+
+It tells the process from the one that it replaces, which came up before it.
+"""
 
 
 class NodeKind(enum.Enum):
@@ -600,16 +617,26 @@ class Hello(Message, frozen=True):
     """A node is up, with all its publishers and subscriptions made."""
 
     kind: NodeKind
+    life: Life
+    next_seq: Count = 0
+    """Number of what it will say next by radio."""
 
 
 class Go(Message, frozen=True):
-    """The world has heard every node it waits for."""
+    """The world has heard every node it waits for; again when one came up anew."""
 
-    nodes: tuple[str, ...]
+    number: Count
+    lives: dict[str, Life]
+    """Who was heard, by name; a node that has another life is not meant."""
 
 
 class Ready(Message, frozen=True):
-    """A node has heard `Go`: both directions work."""
+    """A node has heard `Go`: both directions work. The recorder's: it hears every life in it."""
+
+    go: Count
+    """The number of that `Go`."""
+    stored: dict[str, Count] = msgspec.field(default_factory=dict)
+    """The recorder's: how many messages it holds of each node, of former lives too."""
 
 
 class Tick(Message, frozen=True):
@@ -623,6 +650,10 @@ class Tick(Message, frozen=True):
 
     The recorder answers once it holds them all.
     """
+    go: Count = 0
+    """The last `Go` that the nodes have answered; who was greeted later is not meant."""
+    last: bool = False
+    """Nothing is published any more."""
 
 
 class Done(Message, frozen=True):
@@ -641,9 +672,20 @@ class Done(Message, frozen=True):
     """Messages published on recorded topics, ``radio/tx`` included."""
     finished: bool
     """The agent's part of the mission is over; C3's ends the mission."""
+    life: Life
+    """That of its `Hello`; the counts are those of this life."""
     busy: bool = False
     """More is to come of this tick: the world has to wait, however long it takes."""
 
 
-LOCKSTEP_MESSAGES: tuple[type[Message], ...] = (Hello, Go, Ready, Tick, Done)
+class Waiting(Message, frozen=True):
+    """The world: who has been silent for too long, so that time stands still."""
+
+    lives: dict[str, Life]
+    """By name; who came up anew since is not meant."""
+    problem: str
+    """What is missing, for people."""
+
+
+LOCKSTEP_MESSAGES: tuple[type[Message], ...] = (Hello, Go, Ready, Tick, Done, Waiting)
 STATUS_MESSAGES: tuple[type[Message], ...] = (MissionStatus, RadioStatus)

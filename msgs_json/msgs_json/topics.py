@@ -101,6 +101,7 @@ WORLD_DONE = Topic('/world/done', STRING, Qos.STREAM, 'every agent, recorder', '
 WORLD_HELLO = Topic('/world/hello', STRING, Qos.HANDSHAKE, 'every agent, recorder', 'Hello')
 WORLD_GO = Topic('/world/go', STRING, Qos.HANDSHAKE, 'world', 'Go')
 WORLD_READY = Topic('/world/ready', STRING, Qos.HANDSHAKE, 'every agent, recorder', 'Ready')
+WORLD_WAITING = Topic('/world/waiting', STRING, Qos.STREAM, 'world', 'Waiting: who is silent')
 
 SETPOINT = Topic(
     'setpoint_position/local',
@@ -135,6 +136,7 @@ TOPICS: tuple[Topic, ...] = (
     WORLD_HELLO,
     WORLD_GO,
     WORLD_READY,
+    WORLD_WAITING,
     SETPOINT,
     VEHICLE_ODOM,
 )

@@ -154,7 +154,7 @@ def test_an_agent_without_such_work_is_never_busy() -> None:
 
 def test_a_speaker_counts_from_zero_on_every_topic() -> None:
     speaker = Speaker('world')
-    hello = Hello(kind=NodeKind.AGENT)
+    hello = Hello(kind=NodeKind.AGENT, life=1)
     numbers = [
         opened(speaker.frame(topic, hello, 0.0))[1].seq for topic in (ODOM, RADIO_TX, ODOM, ODOM)
     ]
@@ -188,7 +188,7 @@ def refusal(frames: list[Frame]) -> MessageRefused:
         (sent(dst='auv_2'), 'uav', Refusal.NOT_ADDRESSED, '`$.dst`'),
         (sent(dst='*'), 'uav', Refusal.NOT_ADDRESSED, '`$.dst`'),
         (sent(STATUS), 'uav', Refusal.UNKNOWN_SCHEMA, '`$.schema`'),
-        (sent(Hello(kind=NodeKind.AGENT)), 'uav', Refusal.UNKNOWN_SCHEMA, '`$.schema`'),
+        (sent(Hello(kind=NodeKind.AGENT, life=1)), 'uav', Refusal.UNKNOWN_SCHEMA, '`$.schema`'),
         (
             sent().replace(b'"reference":0', b'"reference":-1'),
             'uav',

@@ -2,16 +2,19 @@ from __future__ import annotations
 
 from msgs_json import codec
 from msgs_json.agent import Output, Publish, Transmit
-from msgs_json.agent_shell import AgentShell, Frame
+from msgs_json.agent_shell import AgentSetting, AgentShell, Frame
 from msgs_json.drivers import VehicleUnavailableError
 from msgs_json.geometry import Point
 from msgs_json.guarded_agent import GuardedAgent
 from msgs_json.lockstep_client import AgentClient
 from msgs_json.messages import Acknowledged, Acknowledgement, Done, Go, Message, Tick
 from msgs_json.ros_messages import Odometry, Text
+from msgs_json.store import MemoryStore
 from msgs_json.topics import ODOM, RADIO_TX, WORLD_DONE
 
-WORD = Acknowledgement(acknowledges=Acknowledged.SURFACING_REPORT, reference=0)
+WORD = Acknowledgement(acknowledges=Acknowledged.PATH_ASSIGNMENT, reference=0)
+
+LIFE = 7
 
 
 class LateVehicle:
@@ -60,7 +63,14 @@ class HardWorker(LateVehicle):
 
 
 def client_of(agent: LateVehicle) -> AgentClient:
-    return AgentClient(GuardedAgent(AgentShell(agent), lambda _: None))
+    shell = AgentShell(agent, AgentSetting(store=MemoryStore(), authenticator=None))
+    client = AgentClient(GuardedAgent(shell, lambda _: None), life=LIFE)
+    client.go(go(0, LIFE))
+    return client
+
+
+def go(number: int, life: int) -> Go:
+    return Go(number=number, lives={'uav': 1, 'auv_1': life})
 
 
 def tick(number: int) -> Tick:
@@ -127,7 +137,6 @@ def test_a_vehicle_that_fails_at_a_message_does_not_repeat_its_tick() -> None:
 
 def test_a_busy_agent_says_so_after_every_slice_until_its_work_is_done() -> None:
     client = client_of(HardWorker(failures=0))
-    client.go(Go(nodes=('uav', 'auv_1')))
     assert not done(client.tick(tick(0))).busy
     answers = [client.hear(heard())]
     while client.is_busy:

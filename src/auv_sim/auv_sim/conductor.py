@@ -8,11 +8,16 @@ agent has sent and worked off, and the conductor waits until as many have arrive
 were delivered. An agent whose `Done` says that it is busy is not silent, however long it takes.
 What somebody else puts on an agent's topics is gated like the rest but does not count, since it
 does not continue the agent's sequence.
+
+An agent may die at any moment and come up again: its hello begins another life. Time stands still
+until everybody knows of it (another go, which it and the recorder answer); then the open tick is
+sent again, its counts begin anew, and what it had not worked off is delivered again.
 """
 
 from __future__ import annotations
 
 import enum
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 
 from auv_sim.world import HARD_STOP, WORLD, World
@@ -21,10 +26,10 @@ from msgs_json.agent_shell import Frame, Speaker
 from msgs_json.codec import MessageError, Refusal
 from msgs_json.geometry import TIME_TOLERANCE_S
 from msgs_json.lockstep_client import RECORDER
-from msgs_json.messages import Done, Go, Hello, NodeKind, Ready, Tick
+from msgs_json.messages import Done, Go, Hello, NodeKind, Ready, Tick, Waiting
 from msgs_json.node_exit import NodeExit
 from msgs_json.ros_messages import Odometry, Text
-from msgs_json.topics import RADIO_RX, WORLD_GO, WORLD_TICK, Qos
+from msgs_json.topics import RADIO_RX, WORLD_GO, WORLD_TICK, WORLD_WAITING, Qos
 
 Addressed = tuple[str, Frame]
 """A frame with the name of the agent (or world) in whose namespace it is published."""
@@ -52,23 +57,53 @@ class Phase(enum.Enum):
     ENDED = 'over'
 
 
+_NOTHING_DONE = Done(tick=0, received=0, sent=0, published=0, finished=False, life=0)
+
+
 @dataclass(slots=True)
 class _Agent:
-    """What the conductor knows of an agent."""
+    """What the conductor knows of an agent; counts are those of its present life."""
 
     is_vehicle: bool
-    done: Done = field(
-        default_factory=lambda: Done(tick=0, received=0, sent=0, published=0, finished=False)
-    )
+    done: Done = _NOTHING_DONE
+    next_seq: int = 0
+    """Number of what it says next."""
     said: int = 0
     """Messages of its own that have arrived from ``radio/tx``."""
     waiting: list[bytes] = field(default_factory=list)
     """What arrived from ``radio/tx`` and is not gated yet."""
     delivered: int = 0
+    in_hand: list[bytes] = field(default_factory=list)
+    """Of what was delivered, what it has not said to have worked off."""
     seen: bool = False
     """Its odometry of the open tick is here."""
     answered: bool = False
     """Its `Done` of the open tick is here."""
+    restarts: int = 0
+    is_new: bool = False
+    """It came up anew and has not answered since: it knows nothing of what is in hand."""
+    go: int = 0
+    """The first go of its present life."""
+    published_before: int = 0
+    """Messages published in former lives that the recorder holds."""
+
+    def begin_life(self, next_seq: int) -> None:
+        """Count anew; what it said before and what is on its way to it stays."""
+        self.published_before += self.done.published
+        self.done, self.next_seq = _NOTHING_DONE, next_seq
+        self.said = self.delivered = 0
+        self.seen = self.answered = False
+        self.is_new = True
+
+    def take(self, done: Done) -> list[bytes]:
+        """Take its word; return what must be delivered again."""
+        del self.in_hand[: done.received - self.done.received]
+        self.done, self.answered = done, True
+        if not self.is_new:
+            return []
+        self.is_new, self.delivered = False, done.received
+        again, self.in_hand = self.in_hand, []
+        return again
 
     def is_settled(self) -> bool:
         """Return whether everything it did in the open tick is known here."""
@@ -108,7 +143,28 @@ class Conductor:
         recorder: bool,
         start_timeout_s: float = 0.0,
         reply_timeout_s: float = 10.0,
+        restarted: Iterable[str] = (),
+        rejoin_timeout_s: float = 60.0,
     ) -> None:
+        """
+        Wait for every node to come up.
+
+        Parameters
+        ----------
+        world
+            Where it takes place.
+        recorder
+            Whether there is one.
+        start_timeout_s
+            How long to wait for that; 0: for ever. All of wall time.
+        reply_timeout_s
+            After this time a silent node is named, and given up unless somebody restarts it.
+        restarted
+            Agents that are started again when they die.
+        rejoin_timeout_s
+            After this time they are given up, too.
+
+        """
         reserved = {RECORDER, WORLD}.intersection(world.order)
         if reserved:
             raise ValueError(f'no agent can be called {" or ".join(sorted(reserved))}')
@@ -125,67 +181,133 @@ class Conductor:
         self._nodes = (*world.order, RECORDER) if recorder else world.order
         self._missing = set(self._nodes)
         """Nodes that what is under way waits for."""
+        self._greeting: set[str] = set()
+        """Nodes that are to answer a go; nothing else goes on until then."""
+        self._lives: dict[str, int] = {}
+        self._gos = 0
+        """How many there were."""
+        self._recorder_go = -1
+        """The last one that the recorder has answered."""
         self._tick = Tick(tick=0, time_s=0.0, published=None)
         self._next_tick = 0
+        self._has_begun = False
         self._published = 0
         """Messages that the world itself has published on recorded topics."""
         self._asked_for = 0
         """Messages that the recorder was last asked to hold."""
         self._start_nudges = start_timeout_s / NUDGE_S
-        self._reply_nudges = reply_timeout_s / NUDGE_S
+        self._reply_nudges = round(reply_timeout_s / NUDGE_S)
+        self._restarted = frozenset(restarted)
+        self._rejoin_nudges = rejoin_timeout_s / NUDGE_S
         self._silent_nudges = 0
 
     def missing(self) -> list[str]:
         """Return whom the conductor waits for, in agent order, each with what is missing."""
-        names = [name for name in self._nodes if name in self._missing]
-        if self.phase is not Phase.WORKING:
-            return names
-        return [
-            f'{name} ({self._agents[name].lacks()})' if name in self._agents else name
-            for name in names
-        ]
+        return [f'{name}{self._lacks(name)}' for name in self._silent()]
+
+    def _silent(self) -> list[str]:
+        awaited = self._missing | self._greeting
+        return [name for name in self._nodes if name in awaited]
+
+    def _lacks(self, name: str) -> str:
+        agent = self._agents.get(name)
+        if not self._has_begun or agent is None:
+            return ''
+        if name in self._greeting:
+            return ' (is up again and has not heard the world)'
+        return f' ({agent.lacks()})'
 
     # --- start-up --------------------------------------------------------------------------------
 
     def hello(self, src: str, hello: Hello) -> list[Addressed]:
-        """Take a hello; the last one is answered with go."""
+        """Take a hello; the last one is answered with go, and so is one of another life."""
         kind = NodeKind.RECORDER if src == RECORDER else NodeKind.AGENT
         if src not in self._nodes or hello.kind is not kind:
             raise _not_expected(src, f'a {hello.kind.value}', self._nodes)
-        if self.phase is not Phase.GATHERING:
+        if hello.life <= self._lives.get(src, -1) or self.phase in (Phase.SAVING, Phase.ENDED):
             return []
+        if self.phase is not Phase.GATHERING and src == RECORDER:
+            return []  # what the former one had not stored is gone
+        self._lives[src] = hello.life
+        if src != RECORDER:
+            self._agents[src].begin_life(hello.next_seq)
+            self._world.expect(src, hello.next_seq)
+        if self.phase is not Phase.GATHERING:
+            return self._welcome_back(src)
         self._found(src)
         if self._missing:
             return []
-        self._wait_for(Phase.GREETING, self._nodes)
-        return [(WORLD, self._speaker.frame(WORLD_GO, Go(nodes=self._nodes), 0.0))]
+        self.phase = Phase.GREETING
+        return [self._go(self._nodes)]
 
     def ready(self, src: str, ready: Ready) -> list[Addressed]:
-        """Take a ready; after the last one the first tick can begin."""
+        """Take a ready; after the last one the tick can begin, or goes on."""
         if src not in self._nodes:
             raise _not_expected(src, 'a node', self._nodes)
+        expected = self._agents[src].go if src in self._agents else self._gos - 1
+        if src not in self._greeting or ready.go < expected:
+            return []
+        self._greeting.discard(src)
+        self._silent_nudges = 0
+        if src == RECORDER:
+            self._note_stored(ready)
+        if self._greeting:
+            return []
         if self.phase is Phase.GREETING:
-            self._found(src)
-            if not self._missing:
-                self.phase = Phase.RESTING
-        return []
+            self.phase = Phase.RESTING
+            return []
+        self._ask(RECORDER in self._missing)
+        return [(WORLD, self._tick_frame())]
+
+    def _note_stored(self, ready: Ready) -> None:
+        """Note how much of their former lives is recorded: what else they published is lost."""
+        for name, agent in self._agents.items():
+            if agent.go > self._recorder_go:
+                agent.published_before = ready.stored.get(name, 0)
+        self._recorder_go = ready.go
+
+    def _welcome_back(self, name: str) -> list[Addressed]:
+        """Hold what is under way until a node that came up anew, and the recorder, are ready."""
+        if self.phase is Phase.WORKING:
+            self._missing.add(name)
+        else:
+            self.phase = Phase.GREETING
+        go = self._go((name, RECORDER) if self._has_recorder else (name,))
+        if not self._has_begun:
+            return [go]
+        agent = self._agents[name]
+        agent.restarts += 1
+        return [*self._shown([self._world.restarted(name, agent.restarts)]), go]
+
+    def _go(self, nodes: tuple[str, ...]) -> Addressed:
+        """Return a go that nodes have to answer; for the others it is none."""
+        for name in nodes:
+            if name in self._agents:
+                self._agents[name].go = self._gos
+        self._greeting |= set(nodes)
+        self._silent_nudges = 0
+        go = Go(number=self._gos, lives={name: self._lives[name] for name in self._nodes})
+        self._gos += 1
+        return WORLD, self._speaker.frame(WORLD_GO, go, 0.0)
 
     # --- a tick ----------------------------------------------------------------------------------
 
     def begin_tick(self) -> list[Addressed]:
         """Open the next tick; only in phase RESTING."""
+        self._has_begun = True
         self._world.tick, self._next_tick = self._next_tick, self._next_tick + 1
         for agent in self._agents.values():
             agent.seen = agent.answered = False
         total = self._total_published()
         behind = self._has_recorder and total - self._asked_for >= RECORDER_BACKLOG
-        self._open(Phase.WORKING, self._nodes if behind else self._world.order, total, behind)
+        self._wait_for(Phase.WORKING, self._nodes if behind else self._world.order)
+        self._ask(behind)
         return [*self._shown([self._world.clock()]), (WORLD, self._tick_frame())]
 
     def saw(self, name: str, odometry: Odometry) -> list[Addressed]:
         """Take a vehicle's true pose."""
         agent = self._agents[name]
-        if self.phase is not Phase.WORKING or agent.seen:
+        if self.phase is not Phase.WORKING or (agent.seen and not agent.restarts):
             raise MessageError(Refusal.MALFORMED, name, 'one odometry is due for each tick')
         if abs(odometry.stamp_s - self._tick.time_s) > TIME_TOLERANCE_S:
             raise MessageError(
@@ -201,7 +323,8 @@ class Conductor:
         """Take what an agent says by radio."""
         agent = self._agents[name]
         agent.waiting.append(payload)
-        if _continues(payload, name, agent.said):
+        if _continues(payload, name, agent.next_seq):
+            agent.next_seq += 1
             agent.said += 1
         return self._settle(name)
 
@@ -214,39 +337,53 @@ class Conductor:
             raise _not_expected(src, 'a node', self._nodes)
         if done.tick != self._tick.tick or self.phase is not Phase.WORKING:
             return []  # the answer to a tick that was sent again
+        if done.life != self._lives[src]:
+            return []  # the last word of a process that is no more
         if done.busy:
             self._silent_nudges = 0
             return []
         before = agent.done
         if done.received < before.received or done.sent < before.sent:
-            raise MessageError(
-                Refusal.MALFORMED, src, 'its counts went back: was the node started anew?'
-            )
-        agent.done, agent.answered = done, True
+            raise MessageError(Refusal.MALFORMED, src, 'its counts went back')
+        again = agent.take(done)
+        if again:
+            return self._deliver([(src, payload) for payload in again])
         return self._settle(src)
 
     def nudge(self) -> list[Addressed]:
         """
-        Send an open tick again, or give up on nodes that are silent for too long.
+        Send an open tick again, name nodes that are silent for too long, or give up on them.
 
         To be called every `NUDGE_S` of wall time.
         """
         if self.phase in (Phase.RESTING, Phase.ENDED):
             return []
         self._silent_nudges += 1
-        if self.phase in (Phase.GATHERING, Phase.GREETING):
+        if not self._has_begun:
             if 0 < self._start_nudges <= self._silent_nudges:
                 return self._give_up('did not come up')
             return []
-        if self._silent_nudges >= self._reply_nudges:
+        # One that comes back is heard by the recorder, too: that is not to blame meanwhile.
+        to_blame = set(self._silent()) - ({RECORDER} if self._greeting - {RECORDER} else set())
+        is_awaited = to_blame <= self._restarted
+        if self._silent_nudges >= (self._rejoin_nudges if is_awaited else self._reply_nudges):
             return self._give_up(f'silent since tick {self._tick.tick} began')
-        return [(WORLD, self._tick_frame())]
+        output = [] if self._greeting else [(WORLD, self._tick_frame())]
+        if self._silent_nudges % self._reply_nudges == 0:
+            output.append((WORLD, self._waiting_frame()))
+        return output
 
     def interrupt(self) -> list[Addressed]:
         """End a mission that is under way."""
-        is_under_way = self.phase in (Phase.RESTING, Phase.WORKING)
+        is_under_way = self._has_begun and self.phase not in (Phase.SAVING, Phase.ENDED)
+        waits_for = self.missing() if self._silent_nudges >= self._reply_nudges else []
         self.phase = Phase.ENDED
-        return self._cut_short('interrupted') if is_under_way else []
+        if not is_under_way:
+            return []
+        if waits_for:
+            reason = f'interrupted, waiting for {", ".join(waits_for)}'
+            return self._cut_short(reason, self._silent()[0])
+        return self._cut_short('interrupted')
 
     # --- rounds ----------------------------------------------------------------------------------
 
@@ -277,8 +414,13 @@ class Conductor:
         heard = self._world.gate(said)
         if not heard:
             return self._end_tick()
-        for name, _ in heard:
-            self._agents[name].delivered += 1
+        return self._deliver(heard)
+
+    def _deliver(self, heard: list[tuple[str, bytes]]) -> list[Addressed]:
+        for name, payload in heard:
+            agent = self._agents[name]
+            agent.delivered += 1
+            agent.in_hand.append(payload)
             self._missing.add(name)
         self._published += len(heard)
         return [(name, Frame(RADIO_RX, Text(payload))) for name, payload in heard]
@@ -298,12 +440,13 @@ class Conductor:
         if not self._has_recorder:
             self.phase = Phase.ENDED
             return output
-        self._open(Phase.SAVING, (RECORDER,), self._total_published(), True)
+        self._wait_for(Phase.SAVING, (RECORDER,))
+        self._ask(True)
         return [*output, (WORLD, self._tick_frame())]
 
     def _give_up(self, problem: str) -> list[Addressed]:
         reason = f'{problem}: {", ".join(self.missing())}'
-        node = next(name for name in self._nodes if name in self._missing)
+        node = self._silent()[0]
         self.phase, self.exit_code = Phase.ENDED, NodeExit.NODE_MISSING
         return self._cut_short(reason, node)
 
@@ -317,14 +460,17 @@ class Conductor:
 
     # --- what is under way -----------------------------------------------------------------------
 
-    def _open(self, phase: Phase, nodes: tuple[str, ...], total: int, ask: bool) -> None:
-        """Open a tick, or ask the recorder once more within the last one."""
-        if ask:
-            self._asked_for = total
+    def _ask(self, recorder_too: bool) -> None:
+        """Set what nodes are told of the open tick."""
+        if recorder_too:
+            self._asked_for = self._total_published()
         self._tick = Tick(
-            tick=self._world.tick, time_s=self._world.now_s, published=total if ask else None
+            tick=self._world.tick,
+            time_s=self._world.now_s,
+            published=self._asked_for if recorder_too else None,
+            go=self._gos - 1,
+            last=self.phase is Phase.SAVING,
         )
-        self._wait_for(phase, nodes)
 
     def _wait_for(self, phase: Phase, nodes: tuple[str, ...]) -> None:
         self.phase, self._missing, self._silent_nudges = phase, set(nodes), 0
@@ -336,12 +482,21 @@ class Conductor:
     def _tick_frame(self) -> Frame:
         return self._speaker.frame(WORLD_TICK, self._tick, self._tick.time_s)
 
+    def _waiting_frame(self) -> Frame:
+        waiting = Waiting(
+            lives={name: self._lives[name] for name in self._silent()},
+            problem=', '.join(self.missing()),
+        )
+        return self._speaker.frame(WORLD_WAITING, waiting, self._tick.time_s)
+
     def _shown(self, frames: list[Frame]) -> list[Addressed]:
         self._published += len(frames)
         return [(WORLD, frame) for frame in frames]
 
     def _total_published(self) -> int:
-        return self._published + sum(agent.done.published for agent in self._agents.values())
+        return self._published + sum(
+            agent.published_before + agent.done.published for agent in self._agents.values()
+        )
 
 
 def _continues(payload: bytes, name: str, seq: int) -> bool:

@@ -73,6 +73,8 @@ class _Station:
     z_m: float = 0.0
     next_seq: int = 0
     """Number of what it says next: a station counts without a gap, and nothing is lost so far."""
+    restart_seq: int | None = None
+    """Number with which it begins after a restart, where it has said nothing since."""
 
 
 class RadioChannel:
@@ -88,6 +90,10 @@ class RadioChannel:
         """Note where a station truly is; height in metres, negative under water."""
         station = self._stations[name]
         station.position, station.z_m = position, z_m
+
+    def expect(self, name: str, next_seq: int) -> None:
+        """Note that a station came up, and with which number it begins."""
+        self._stations[name].restart_seq = next_seq
 
     def deliveries(
         self, said: Iterable[tuple[str, bytes]], now_s: float
@@ -133,6 +139,8 @@ class RadioChannel:
         except MessageError:
             return BlockReason.SIZE if too_long else BlockReason.MALFORMED
         source, target = self._stations[speaker], self._stations.get(envelope.dst)
+        if envelope.src == speaker and envelope.seq == source.restart_seq:
+            source.next_seq, source.restart_seq = envelope.seq, None
         if envelope.src != speaker or envelope.seq > source.next_seq:
             return BlockReason.UNKNOWN_SENDER  # somebody else, on the station's topic
         if envelope.seq < source.next_seq:

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from auv_sim.radio_channel import ChannelModel, RadioChannel, StationKind
 from msgs_json.agent_shell import Frame, Speaker
 from msgs_json.geometry import Point, is_before
-from msgs_json.messages import MissionStopped, RadioStatus
+from msgs_json.messages import MissionStopped, NodeRestarted, RadioStatus
 from msgs_json.ros_messages import ClockTime, Odometry
 from msgs_json.topics import CLOCK, MISSION_EVENTS, RADIO_STATUS
 
@@ -70,6 +70,10 @@ class World:
         """Return who hears what of one round; ``said`` is in agent order, then as spoken."""
         return self._channel.deliveries(said, self.now_s)
 
+    def expect(self, name: str, next_seq: int) -> None:
+        """Note that an agent came up, and how it will number what it says by radio."""
+        self._channel.expect(name, next_seq)
+
     def radio_status(self) -> list[Frame]:
         """Return the radio counters where they have changed since they were last shown."""
         status = self._channel.status()
@@ -77,6 +81,11 @@ class World:
             return []
         self._shown = status
         return [self._speaker.frame(RADIO_STATUS, status, self.now_s)]
+
+    def restarted(self, name: str, restarts: int) -> Frame:
+        """Return the log entry of an agent that came up anew."""
+        event = NodeRestarted(node=name, restarts=restarts)
+        return self._speaker.frame(MISSION_EVENTS, event, self.now_s)
 
     def stopped(self, reason: str, node: str | None = None) -> Frame:
         """Return the log entry of an end that C3 did not call."""

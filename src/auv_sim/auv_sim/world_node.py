@@ -29,6 +29,7 @@ from msgs_json.topics import (
     WORLD_HELLO,
     WORLD_READY,
     WORLD_TICK,
+    WORLD_WAITING,
     Topic,
 )
 
@@ -55,6 +56,8 @@ class WorldNode(HostedNode):
                 recorder=params.recorder,
                 start_timeout_s=params.start_timeout_s,
                 reply_timeout_s=params.reply_timeout_s,
+                restarted=params.restarted,
+                rejoin_timeout_s=params.rejoin_timeout_s,
             )
         self._is_due = True
         """The next tick may begin."""
@@ -63,7 +66,7 @@ class WorldNode(HostedNode):
         self._start_nudges = 0
         self._topic_publishers = {
             (WORLD, topic.name): self.raw_publisher(topic)
-            for topic in (CLOCK, WORLD_TICK, MISSION_EVENTS, RADIO_STATUS)
+            for topic in (CLOCK, WORLD_TICK, WORLD_WAITING, MISSION_EVENTS, RADIO_STATUS)
         }
         for name, namespace in namespaces.items():
             self._topic_publishers[name, RADIO_RX.name] = self.raw_publisher(RADIO_RX, namespace)
@@ -102,7 +105,10 @@ class WorldNode(HostedNode):
             if self._start_nudges % _COMPLAIN_NUDGES == 0:
                 waiting_for = ', '.join(self._conductor.missing())
                 self.log.info(f'{self._conductor.phase.value}: {waiting_for}')
-        self._go_on(self._conductor.nudge())
+        output = self._conductor.nudge()
+        if any(frame.topic is WORLD_WAITING for _, frame in output):
+            self.log.warning(f'waiting for {", ".join(self._conductor.missing())}')
+        self._go_on(output)
 
     def _release(self) -> None:
         self._is_due = True

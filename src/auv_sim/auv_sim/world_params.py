@@ -50,6 +50,13 @@ class WorldParams(Params, frozen=True):
         float,
         param('wall time after which a silent node is reported as dead', unit='s', ge=1, le=1e6),
     ] = 10.0
+    restarted: Annotated[
+        tuple[str, ...], param('agents that somebody starts again when they die')
+    ] = ()
+    rejoin_timeout_s: Annotated[
+        float,
+        param('wall time after which one of these is reported as dead', unit='s', ge=1, le=1e6),
+    ] = 60.0
 
 
 def make_world(params: WorldParams) -> World:

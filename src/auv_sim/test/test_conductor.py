@@ -12,7 +12,7 @@ from auv_sim.radio_channel import ChannelModel, StationKind
 from auv_sim.world import World, WorldSpec
 from msgs_json import codec
 from msgs_json.agent import Log, Output, Publish, Transmit
-from msgs_json.agent_shell import AgentShell, Frame
+from msgs_json.agent_shell import AgentSetting, AgentShell, Frame
 from msgs_json.geometry import Point
 from msgs_json.guarded_agent import GuardedAgent
 from msgs_json.lockstep_client import AgentClient
@@ -29,6 +29,7 @@ from msgs_json.messages import (
 )
 from msgs_json.node_exit import NodeExit
 from msgs_json.ros_messages import Odometry, Text
+from msgs_json.store import MemoryStore
 from msgs_json.topics import ODOM, RADIO_RX, RADIO_TX, WORLD_GO, WORLD_TICK
 
 ORIGIN = Point(east_m=0.0, north_m=0.0)
@@ -98,6 +99,10 @@ class HardWorker(Speaker):
         return [ahead] if self.is_busy else [ahead, Transmit('c3', word(9))]
 
 
+def shell(agent: Speaker) -> AgentShell:
+    return AgentShell(agent, AgentSetting(store=MemoryStore(), authenticator=None))
+
+
 def crew(diary: list[str], *auv_says: tuple[str, int]) -> list[Speaker]:
     c3, auv = Speaker('c3', diary, ('uav', 1)), Speaker('auv_1', diary, *auv_says)
     return [c3, HardWorker('uav', diary), auv]
@@ -111,7 +116,7 @@ class Graph:
         self.shown: list[Addressed] = []
         """Everything but lockstep's own messages."""
         self.clients = {
-            agent.name: AgentClient(GuardedAgent(AgentShell(agent), lambda _: None))
+            agent.name: AgentClient(GuardedAgent(shell(agent), lambda _: None), life=1)
             for agent in agents
         }
         self._nudges_per_slice = nudges_per_slice
@@ -189,7 +194,7 @@ def test_what_an_agent_works_at_comes_before_all_else_in_one_process_and_in_lock
 ) -> None:
     alone: list[str] = []
     frames: list[Addressed] = []
-    shells = {agent.name: AgentShell(agent) for agent in crew(alone, *auv_says)}
+    shells = {agent.name: shell(agent) for agent in crew(alone, *auv_says)}
     run_mission(world(), shells, lambda name, frame: frames.append((name, frame)))
     assert alone == [
         '1 uav hears 1 from c3',

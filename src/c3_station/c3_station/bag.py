@@ -69,7 +69,14 @@ class _Stamped(msgspec.Struct):
     stamp: Seconds
 
 
+class _Signed(msgspec.Struct):
+    """The part that says who speaks."""
+
+    src: str
+
+
 _stamp_decoder = msgspec.json.Decoder(_Stamped)
+_source_decoder = msgspec.json.Decoder(_Signed)
 
 _STAMP_AT = {
     'diagnostic_msgs/msg/DiagnosticArray': 4,
@@ -107,6 +114,14 @@ def stamp_ns(ros_type: str, cdr: bytes) -> int | None:
         return None
     seconds, fraction = struct.unpack_from(f'{order}iI', cdr, offset)
     return None if seconds < 0 else int(seconds * NANOSECONDS + fraction)
+
+
+def source_of(cdr: bytes) -> str:
+    """Return who sent a JSON envelope, as it claims; empty where it says nothing of the kind."""
+    try:
+        return _source_decoder.decode(text_from_cdr(cdr)).src
+    except (ValueError, RecursionError):
+        return ''
 
 
 # --- writing -------------------------------------------------------------------------------------

@@ -6,13 +6,13 @@ from collections.abc import Iterable
 from functools import partial
 from pathlib import Path
 
-from c3_station.bag import BagError, BagFacts, BagWriter, stamp_ns
+from c3_station.bag import BagError, BagFacts, BagWriter, source_of, stamp_ns
 from c3_station.node_params import C3, UAV
 from c3_station.recorded_topics import RecordedTopic, mission_topics
 from c3_station.recorder_params import RecorderParams
 from c3_station.scenario_files import parse_scenario
 from msgs_json.agent_shell import Frame
-from msgs_json.host_node import STEADY_CLOCK, HostedNode, run
+from msgs_json.host_node import STEADY_CLOCK, HostedNode, run, steady_us
 from msgs_json.lockstep_client import RecorderClient
 from msgs_json.messages import Go, Hello, Tick
 from msgs_json.namespaces import agent_namespaces
@@ -20,6 +20,7 @@ from msgs_json.node_exit import NodeExit
 from msgs_json.refusals import body_decoder
 from msgs_json.ros_messages import NANOSECONDS, to_cdr
 from msgs_json.topics import (
+    MISSION_EVENTS,
     SETPOINT,
     VEHICLE_ODOM,
     WORLD_DONE,
@@ -48,7 +49,7 @@ class RecorderNode(HostedNode):
             namespaces = agent_namespaces(agents, params.namespaces)
             topics = mission_topics(scenario)
             self._bag = BagWriter(Path(params.out), topics)
-        self._client = RecorderClient()
+        self._client = RecorderClient(life=steady_us())
         self._arrived: list[tuple[RecordedTopic, bytes]] = []
         self._has_failed = False
         """Nothing more can be written; the first failure is the cause of any other."""
@@ -93,7 +94,8 @@ class RecorderNode(HostedNode):
 
     def _store_counted(self, recorded: RecordedTopic, cdr: bytes) -> None:
         self._arrived.append((recorded, cdr))
-        self._answer(self._client.store())
+        src = source_of(cdr) if recorded.topic is MISSION_EVENTS else recorded.publisher
+        self._answer(self._client.store(src))
 
     def _answer(self, frames: list[Frame]) -> None:
         if frames:
@@ -135,7 +137,7 @@ class RecorderNode(HostedNode):
         self._answer(self._client.tick(tick))
 
     def _hear_hello(self, message: tuple[str, Hello]) -> None:
-        self._publish(self._client.hear_hello(message[0]))
+        self._publish(self._client.hear_hello(*message))
 
     def _go(self, message: tuple[str, Go]) -> None:
         self._publish(self._client.go(message[1]))
