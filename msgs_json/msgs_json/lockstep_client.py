@@ -55,6 +55,7 @@ class AgentClient:
         """Number of the go that was the first for this life."""
         self._tick: Tick | None = None
         self._received = 0
+        self._noise = 0
         self._sent = 0
         self._published = 0
 
@@ -118,7 +119,9 @@ class AgentClient:
             )
         frames = self._counted(self._agent.receive(data, self._tick.time_s))
         # What somebody else put on the topic must not count in the barrier.
-        self._received += self._agent.genuine_from in self._nodes
+        is_genuine = self._agent.genuine_from in self._nodes
+        self._received += is_genuine
+        self._noise += not is_genuine
         return [*frames, *self._done(self._tick)]
 
     def work(self) -> list[Frame]:
@@ -140,6 +143,7 @@ class AgentClient:
         done = Done(
             tick=tick.tick,
             received=self._received,
+            noise=self._noise,
             sent=self._sent,
             published=self._published,
             finished=self._agent.finished,

@@ -394,6 +394,10 @@ class RadioStatus(Message, frozen=True):
     delivered: Count
     blocked: dict[str, Count]
     """By `BlockReason` value; reasons that did not occur are there with 0."""
+    duplicated: Count = 0
+    """Copies that the channel added to what was said; each is delivered or blocked as well."""
+    corrupted: Count = 0
+    """How many of those delivered were not heard as they were said."""
 
 
 # --- the mission's log: one type per thing that happened ----------------------------------------
@@ -676,6 +680,8 @@ class Done(Message, frozen=True):
     """That of its `Hello`; the counts are those of this life."""
     busy: bool = False
     """More is to come of this tick: the world has to wait, however long it takes."""
+    noise: Count = 0
+    """What else came from ``radio/rx`` and was refused: no sound message of this world's nodes."""
 
 
 class Waiting(Message, frozen=True):

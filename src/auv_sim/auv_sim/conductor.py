@@ -6,8 +6,9 @@ each gated in agent order, until nobody says anything more; then the next tick. 
 in any order between topics, so nothing is concluded from arrival: `Done` says how many messages an
 agent has sent and worked off, and the conductor waits until as many have arrived here, and as many
 were delivered. An agent whose `Done` says that it is busy is not silent, however long it takes.
-What somebody else puts on an agent's topics is gated like the rest but does not count, since it
-does not continue the agent's sequence.
+What somebody else puts on an agent's topics does not count: the radio tells whether what is said
+is the agent's own, and the agent whether what it hears is sound. Copies that the radio corrupted
+may or may not be sound for who hears them, so those are waited for with all else that was heard.
 
 An agent may die at any moment and come up again: its hello begins another life. Time stands still
 until everybody knows of it (another go, which it and the recorder answer); then the open tick is
@@ -20,8 +21,8 @@ import enum
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 
+from auv_sim.radio_channel import Delivery
 from auv_sim.world import HARD_STOP, WORLD, World
-from msgs_json import codec
 from msgs_json.agent_shell import Frame, Speaker
 from msgs_json.codec import MessageError, Refusal
 from msgs_json.geometry import TIME_TOLERANCE_S
@@ -70,9 +71,10 @@ class _Agent:
     """Number of what it says next."""
     said: int = 0
     """Messages of its own that have arrived from ``radio/tx``."""
-    waiting: list[bytes] = field(default_factory=list)
-    """What arrived from ``radio/tx`` and is not gated yet."""
     delivered: int = 0
+    """Payloads that it was sent, as they were said."""
+    corrupted: int = 0
+    """Payloads that it was sent, not as they were said."""
     in_hand: list[bytes] = field(default_factory=list)
     """Of what was delivered, what it has not said to have worked off."""
     seen: bool = False
@@ -91,7 +93,7 @@ class _Agent:
         """Count anew; what it said before and what is on its way to it stays."""
         self.published_before += self.done.published
         self.done, self.next_seq = _NOTHING_DONE, next_seq
-        self.said = self.delivered = 0
+        self.said = self.delivered = self.corrupted = 0
         self.seen = self.answered = False
         self.is_new = True
 
@@ -101,7 +103,7 @@ class _Agent:
         self.done, self.answered = done, True
         if not self.is_new:
             return []
-        self.is_new, self.delivered = False, done.received
+        self.is_new, self.delivered, self.corrupted = False, done.received, done.noise
         again, self.in_hand = self.in_hand, []
         return again
 
@@ -112,6 +114,7 @@ class _Agent:
             and (self.seen or not self.is_vehicle)
             and self.said >= self.done.sent
             and self.done.received >= self.delivered
+            and self.done.received + self.done.noise >= self.delivered + self.corrupted
         )
 
     def lacks(self) -> str:
@@ -122,7 +125,8 @@ class _Agent:
             return 'no odometry'
         if self.said < self.done.sent:
             return f'{self.said} of {self.done.sent} radio messages have arrived'
-        return f'{self.done.received} of {self.delivered} deliveries are worked off'
+        worked_off = self.done.received + self.done.noise
+        return f'{worked_off} of {self.delivered + self.corrupted} deliveries are worked off'
 
 
 class Conductor:
@@ -321,10 +325,9 @@ class Conductor:
 
     def said(self, name: str, payload: bytes) -> list[Addressed]:
         """Take what an agent says by radio."""
-        agent = self._agents[name]
-        agent.waiting.append(payload)
-        if _continues(payload, name, agent.next_seq):
-            agent.next_seq += 1
+        agent, seq = self._agents[name], self._world.say(name, payload)
+        if seq is not None and seq >= agent.next_seq:  # else it is of a former life
+            agent.next_seq = seq + 1
             agent.said += 1
         return self._settle(name)
 
@@ -347,7 +350,7 @@ class Conductor:
             raise MessageError(Refusal.MALFORMED, src, 'its counts went back')
         again = agent.take(done)
         if again:
-            return self._deliver([(src, payload) for payload in again])
+            return self._deliver([Delivery(src, payload, is_intact=True) for payload in again])
         return self._settle(src)
 
     def nudge(self) -> list[Addressed]:
@@ -406,24 +409,22 @@ class Conductor:
 
     def _next_round(self) -> list[Addressed]:
         """Gate what was said; when nobody hears anything any more the tick is over."""
-        said = [
-            (name, payload) for name, agent in self._agents.items() for payload in agent.waiting
-        ]
-        for agent in self._agents.values():
-            agent.waiting.clear()
-        heard = self._world.gate(said)
+        heard = self._world.gate()
         if not heard:
             return self._end_tick()
         return self._deliver(heard)
 
-    def _deliver(self, heard: list[tuple[str, bytes]]) -> list[Addressed]:
-        for name, payload in heard:
+    def _deliver(self, heard: list[Delivery]) -> list[Addressed]:
+        for name, payload, is_intact in heard:
             agent = self._agents[name]
-            agent.delivered += 1
-            agent.in_hand.append(payload)
+            if is_intact:
+                agent.delivered += 1
+                agent.in_hand.append(payload)
+            else:
+                agent.corrupted += 1
             self._missing.add(name)
         self._published += len(heard)
-        return [(name, Frame(RADIO_RX, Text(payload))) for name, payload in heard]
+        return [(name, Frame(RADIO_RX, Text(payload))) for name, payload, _ in heard]
 
     def _end_tick(self) -> list[Addressed]:
         if self._agents[self._world.c3].done.finished:
@@ -497,15 +498,6 @@ class Conductor:
         return self._published + sum(
             agent.published_before + agent.done.published for agent in self._agents.values()
         )
-
-
-def _continues(payload: bytes, name: str, seq: int) -> bool:
-    """Return whether a payload is what its agent says next."""
-    try:
-        envelope = codec.open_envelope(payload)
-    except MessageError:
-        return False
-    return envelope.src == name and envelope.seq == seq
 
 
 def _not_expected(src: str, what: str, nodes: tuple[str, ...]) -> MessageError:

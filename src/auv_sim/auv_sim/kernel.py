@@ -36,21 +36,15 @@ def run_mission(world: World, agents: Mapping[str, AgentShell], sink: Sink) -> N
 def _run_tick(world: World, agents: Mapping[str, AgentShell], sink: Sink) -> None:
     now_s = world.now_s
     sink(WORLD, world.clock())
-    said: list[tuple[str, bytes]] = []
     for name in world.order:
         agent = agents[name]
-        said += _carry(name, _worked_off(agent, agent.tick(now_s), now_s), world, sink)
-    while said:
-        heard = world.gate(said)
-        said = []
-        answers: dict[str, list[tuple[str, bytes]]] = {name: [] for name, _ in heard}
-        for name, payload in heard:
+        _carry(name, _worked_off(agent, agent.tick(now_s), now_s), world, sink)
+    while heard := world.gate():
+        for name, payload, _ in heard:
             sink(name, Frame(RADIO_RX, Text(payload)))
             agent = agents[name]
             frames = _worked_off(agent, agent.receive(payload, now_s), now_s)
-            answers[name] += _carry(name, frames, world, sink)
-        for name in world.order:
-            said += answers.get(name, ())
+            _carry(name, frames, world, sink)
 
 
 def _worked_off(agent: AgentShell, frames: list[Frame], now_s: float) -> Iterator[Frame]:
@@ -60,16 +54,12 @@ def _worked_off(agent: AgentShell, frames: list[Frame], now_s: float) -> Iterato
         yield from agent.work(now_s)
 
 
-def _carry(
-    name: str, frames: Iterable[Frame], world: World, sink: Sink
-) -> list[tuple[str, bytes]]:
-    """Pass an agent's frames on; return what it says by radio."""
-    said = []
+def _carry(name: str, frames: Iterable[Frame], world: World, sink: Sink) -> None:
+    """Pass an agent's frames on; tell the world where it is and what it says by radio."""
     for frame in frames:
         sink(name, frame)
         match frame.message:
             case Odometry() as odometry if frame.topic is ODOM:
                 world.see(name, odometry)
             case Text(data) if frame.topic is RADIO_TX:
-                said.append((name, data))
-    return said
+                world.say(name, data)

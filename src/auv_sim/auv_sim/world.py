@@ -6,11 +6,12 @@ Both ways to run a mission use it: the kernel in one process, and the world node
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import dataclass
 
-from auv_sim.radio_channel import ChannelModel, RadioChannel, StationKind
+from auv_sim.radio_channel import Delivery, RadioChannel
+from auv_sim.radio_model import ChannelModel, StationKind
 from msgs_json.agent_shell import Frame, Speaker
+from msgs_json.authentication import Authenticator
 from msgs_json.geometry import Point, is_before
 from msgs_json.messages import MissionStopped, NodeRestarted, RadioStatus
 from msgs_json.ros_messages import ClockTime, Odometry
@@ -36,9 +37,11 @@ class WorldSpec:
 class World:
     """Counts ticks, knows where everybody is, and gates the radio."""
 
-    def __init__(self, spec: WorldSpec) -> None:
+    def __init__(self, spec: WorldSpec, authenticator: Authenticator | None = None) -> None:
         self._spec = spec
-        self._channel = RadioChannel(spec.channel, spec.stations)
+        self._channel = RadioChannel(
+            spec.channel, spec.stations, tick_s=spec.tick_s, authenticator=authenticator
+        )
         for name, kind in spec.stations.items():
             if kind is StationKind.C3:
                 self._channel.locate(name, spec.c3_position, 0.0)
@@ -66,9 +69,13 @@ class World:
         """Note where a vehicle truly is."""
         self._channel.locate(name, odometry.position, odometry.z_m)
 
-    def gate(self, said: Iterable[tuple[str, bytes]]) -> list[tuple[str, bytes]]:
-        """Return who hears what of one round; ``said`` is in agent order, then as spoken."""
-        return self._channel.deliveries(said, self.now_s)
+    def say(self, name: str, payload: bytes) -> int | None:
+        """Take what came on an agent's ``radio/tx``; return its number if it is its own."""
+        return self._channel.say(name, payload)
+
+    def gate(self) -> list[Delivery]:
+        """Return who hears what in the next round of the radio."""
+        return self._channel.deliveries(self.now_s)
 
     def expect(self, name: str, next_seq: int) -> None:
         """Note that an agent came up, and how it will number what it says by radio."""

@@ -11,7 +11,9 @@ from rclpy.duration import Duration
 from auv_sim.conductor import NUDGE_S, Addressed, Conductor, Phase
 from auv_sim.world import WORLD
 from auv_sim.world_params import WorldParams, make_world
+from msgs_json.authentication import Authenticator
 from msgs_json.host_node import HostedNode, run
+from msgs_json.key_file import read_key
 from msgs_json.messages import Done, Hello, Message, Ready
 from msgs_json.namespaces import agent_namespaces
 from msgs_json.node_exit import NodeExit
@@ -49,7 +51,8 @@ class WorldNode(HostedNode):
         super().__init__('world', '/world', use_sim_time=False)
         with self.setup():
             params = self.params(WorldParams)
-            self._world = make_world(params)
+            key = read_key(params.key_file) if params.key_file else None
+            self._world = make_world(params, Authenticator(key) if key is not None else None)
             namespaces = agent_namespaces(self._world.order, params.namespaces)
             self._conductor = Conductor(
                 self._world,

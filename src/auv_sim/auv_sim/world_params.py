@@ -2,14 +2,24 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import Annotated, TypeVar
 
 import msgspec
 
-from auv_sim.radio_channel import ChannelModel, RadioOutage, StationKind
+from auv_sim.radio_model import (
+    ChannelModel,
+    Link,
+    LinkModel,
+    RadioOutage,
+    StationKind,
+    link_problems,
+)
 from auv_sim.world import World, WorldSpec
+from msgs_json.authentication import Authenticator
 from msgs_json.geometry import Point
 from msgs_json.params import Params, param
+
+T = TypeVar('T')
 
 
 class WorldParams(Params, frozen=True):
@@ -31,10 +41,28 @@ class WorldParams(Params, frozen=True):
     max_message_bytes: Annotated[
         int, param('longer radio messages are blocked', unit='bytes', ge=256, le=2**30)
     ] = 1_048_576
+    radio_queue_frames: Annotated[
+        int, param('so many frames wait while a radio is sending', unit='frames', ge=1, le=2**30)
+    ] = 16
+    radio_link: Annotated[
+        str, param('what every link does to frames, JSON, see docs/radio.md; {}: nothing')
+    ] = '{}'
+    radio_links: Annotated[
+        str,
+        param('links that differ, JSON: a list of {"from": name, "to": name, "loss": 0.5, ...}'),
+    ] = '[]'
     radio_outages: Annotated[
         str,
         param('dead radios, JSON: a list of {"station": name, "from_s": ..., "until_s": ...}'),
     ] = '[]'
+    seed: Annotated[int, param('of what happens to frames', ge=0, le=2**53)] = 0
+    key_file: Annotated[
+        str,
+        param(
+            "file with the mission's key, readable by its owner only; empty: signatures are not"
+            ' checked'
+        ),
+    ] = ''
     tick_s: Annotated[float, param('length of a tick', unit='s', ge=0.001, le=3600)] = 1.0
     max_mission_s: Annotated[
         float, param('hard stop in simulated time', unit='s', ge=1, le=1e7)
@@ -59,14 +87,14 @@ class WorldParams(Params, frozen=True):
     ] = 60.0
 
 
-def make_world(params: WorldParams) -> World:
+def make_world(params: WorldParams, authenticator: Authenticator | None = None) -> World:
     """
-    Return the world.
+    Return the world; with an authenticator its radio carries only what that can verify.
 
     Raises
     ------
     ValueError
-        Two agents have the same name, or the radio outages are none of this mission.
+        Two agents have the same name, or what is said of the radio is none of this mission.
 
     """
     names = [params.c3, params.uav, *params.auvs]
@@ -75,7 +103,16 @@ def make_world(params: WorldParams) -> World:
     stations = {params.c3: StationKind.C3, params.uav: StationKind.UAV} | dict.fromkeys(
         params.auvs, StationKind.AUV
     )
-    outages = _outages(params.radio_outages, names)
+    links = _parsed('radio_links', params.radio_links, tuple[Link, ...])
+    for index, key, problem in link_problems(links, stations):
+        raise ValueError(f'parameter radio_links: [{index}].{key} {problem}')
+    outages = _parsed('radio_outages', params.radio_outages, tuple[RadioOutage, ...])
+    for outage in outages:
+        if outage.station not in names:
+            raise ValueError(
+                f'parameter radio_outages: station is {outage.station!r};'
+                f' allowed: {", ".join(names)}'
+            )
     return World(
         WorldSpec(
             stations=stations,
@@ -83,23 +120,21 @@ def make_world(params: WorldParams) -> World:
             channel=ChannelModel(
                 range_m=params.range_m,
                 max_message_bytes=params.max_message_bytes,
+                queue_frames=params.radio_queue_frames,
+                link=_parsed('radio_link', params.radio_link, LinkModel),
+                links=links,
                 outages=outages,
+                seed=params.seed,
             ),
             tick_s=params.tick_s,
             max_mission_s=params.max_mission_s,
-        )
+        ),
+        authenticator,
     )
 
 
-def _outages(text: str, names: list[str]) -> tuple[RadioOutage, ...]:
+def _parsed(name: str, text: str, value_type: type[T]) -> T:
     try:
-        outages = msgspec.json.decode(text, type=tuple[RadioOutage, ...])
+        return msgspec.json.decode(text, type=value_type)
     except msgspec.MsgspecError as error:
-        raise ValueError(f'parameter radio_outages is {text!r}: {error}') from None
-    for outage in outages:
-        if outage.station not in names:
-            raise ValueError(
-                f'parameter radio_outages: station is {outage.station!r};'
-                f' allowed: {", ".join(names)}'
-            )
-    return outages
+        raise ValueError(f'parameter {name} is {text!r}: {error}') from None

@@ -8,7 +8,7 @@ import pytest
 
 from auv_sim.conductor import NUDGE_S, Addressed, Conductor, Phase
 from auv_sim.kernel import run_mission
-from auv_sim.radio_channel import ChannelModel, StationKind
+from auv_sim.radio_model import ChannelModel, StationKind
 from auv_sim.world import World, WorldSpec
 from msgs_json import codec
 from msgs_json.agent import Log, Output, Publish, Transmit

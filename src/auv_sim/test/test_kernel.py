@@ -3,11 +3,11 @@ from __future__ import annotations
 import pytest
 
 from auv_sim.kernel import run_mission
-from auv_sim.radio_channel import ChannelModel, RadioOutage, StationKind
+from auv_sim.radio_model import ChannelModel, RadioOutage, StationKind
 from auv_sim.world import HARD_STOP, WORLD, World, WorldSpec
 from msgs_json import codec
 from msgs_json.agent import Output, Publish, Transmit
-from msgs_json.agent_shell import AgentShell, Frame
+from msgs_json.agent_shell import AgentSetting, AgentShell, Frame
 from msgs_json.geometry import Point
 from msgs_json.messages import (
     Acknowledged,
@@ -17,6 +17,7 @@ from msgs_json.messages import (
     RadioStatus,
 )
 from msgs_json.ros_messages import ClockTime, Odometry, Text
+from msgs_json.store import MemoryStore
 from msgs_json.topics import CLOCK, MISSION_EVENTS, ODOM, RADIO_RX, RADIO_STATUS, RADIO_TX
 
 ORIGIN = Point(east_m=0.0, north_m=0.0)
@@ -82,9 +83,13 @@ def world(
     )
 
 
+def shell(agent: Speaker) -> AgentShell:
+    return AgentShell(agent, AgentSetting(store=MemoryStore(), authenticator=None))
+
+
 def fly(the_world: World, *agents: Speaker) -> list[tuple[str, Frame]]:
     frames: list[tuple[str, Frame]] = []
-    shells = {agent.name: AgentShell(agent) for agent in agents}
+    shells = {agent.name: shell(agent) for agent in agents}
     run_mission(the_world, shells, lambda name, frame: frames.append((name, frame)))
     return frames
 

@@ -7,8 +7,10 @@ import hypothesis.strategies as st
 import pytest
 from hypothesis import given
 
-from auv_sim.radio_channel import ChannelModel, RadioChannel, RadioOutage, StationKind
+from auv_sim.radio_channel import Delivery, RadioChannel
+from auv_sim.radio_model import ChannelModel, RadioOutage, StationKind
 from msgs_json import codec
+from msgs_json.authentication import Authenticator
 from msgs_json.geometry import Point
 from msgs_json.messages import Acknowledged, Acknowledgement, BlockReason
 
@@ -25,9 +27,14 @@ NOTHING_BLOCKED = dict.fromkeys([reason.value for reason in BlockReason], 0)
 class Bench:
     """A channel with all stations at the surface of the same place."""
 
-    def __init__(self, range_m: float = 20.0, outages: tuple[RadioOutage, ...] = ()) -> None:
+    def __init__(
+        self,
+        range_m: float = 20.0,
+        outages: tuple[RadioOutage, ...] = (),
+        authenticator: Authenticator | None = None,
+    ) -> None:
         model = ChannelModel(range_m=range_m, max_message_bytes=512, outages=outages)
-        self.channel = RadioChannel(model, STATIONS)
+        self.channel = RadioChannel(model, STATIONS, tick_s=1.0, authenticator=authenticator)
         self.seq: Counter[str] = Counter()
         for name in STATIONS:
             self.channel.locate(name, HERE, 0.0)
@@ -42,7 +49,8 @@ class Bench:
     def say(self, speaker: str, payload: bytes, now_s: float = 0.0) -> BlockReason | None:
         """Return why a message is blocked, None if it is delivered; check the counters."""
         before = self.channel.status()
-        heard = self.channel.deliveries([(speaker, payload)], now_s)
+        self.channel.say(speaker, payload)
+        heard = self.channel.deliveries(now_s)
         after = self.channel.status()
         blocked = [
             BlockReason(reason)
@@ -57,7 +65,9 @@ class Bench:
 def test_the_receiver_gets_the_very_bytes() -> None:
     bench = Bench()
     payload = bench.payload('auv_1', 'uav')
-    assert bench.channel.deliveries([('auv_1', payload)], 0.0) == [('uav', payload)]
+    assert bench.channel.say('auv_1', payload) == 0
+    assert bench.channel.deliveries(0.0) == [Delivery('uav', payload, is_intact=True)]
+    assert bench.channel.deliveries(0.0) == []
     assert bench.channel.status().delivered == 1
     assert bench.channel.status().blocked == NOTHING_BLOCKED
 
@@ -98,7 +108,8 @@ def test_height_does_not_count_but_water_does() -> None:
 
 def test_a_station_that_was_never_seen_is_out_of_range() -> None:
     bench = Bench()
-    bench.channel = RadioChannel(ChannelModel(range_m=20.0, max_message_bytes=512), STATIONS)
+    model = ChannelModel(range_m=20.0, max_message_bytes=512)
+    bench.channel = RadioChannel(model, STATIONS, tick_s=1.0)
     assert bench.say('auv_1', bench.payload('auv_1', 'uav')) is BlockReason.RANGE
 
 
@@ -171,23 +182,83 @@ def test_numbers_from_the_future_are_not_the_stations_own() -> None:
     assert bench.say('auv_1', true) is None
 
 
-def test_order_is_kept_and_every_message_counted_once() -> None:
+RESTARTED_AT = 1 << 32
+
+
+def test_a_station_that_was_restarted_goes_on_with_the_number_that_it_told() -> None:
+    bench = Bench()
+    old = [bench.payload('auv_1', 'uav') for _ in range(3)]
+    assert bench.say('auv_1', old[0]) is None
+    bench.seq['auv_1'] = RESTARTED_AT
+    new = bench.payload('auv_1', 'uav')
+    assert bench.say('auv_1', new) is BlockReason.UNKNOWN_SENDER
+    bench.channel.expect('auv_1', RESTARTED_AT)
+    assert bench.say('auv_1', old[1]) is None  # it was under way when the station died
+    assert bench.say('auv_1', new) is None
+    assert bench.say('auv_1', old[2]) is BlockReason.REPLAY
+    assert bench.say('auv_1', bench.payload('auv_1', 'uav')) is None
+
+
+def signed(bench: Bench, src: str, dst: str, key: bytes = b'k' * 32) -> bytes:
+    return Authenticator(key).sign(bench.payload(src, dst))
+
+
+def test_with_the_key_nobody_else_can_use_up_a_stations_numbers() -> None:
+    bench = Bench(authenticator=Authenticator(b'k' * 32))
+    true = signed(bench, 'auv_1', 'uav')
+    forged = bench.payload('auv_1', 'uav')
+    stolen = signed(bench, 'auv_1', 'uav', key=b'x' * 32)
+    damaged = signed(bench, 'auv_1', 'uav').replace(b'"reference":0', b'"reference":9')
+    for strange in (forged, stolen, damaged):
+        assert bench.say('auv_1', strange) is BlockReason.AUTH
+    assert bench.say('auv_1', true) is None
+    assert bench.say('auv_1', true) is BlockReason.REPLAY
+    bench.seq['auv_1'] = RESTARTED_AT  # whoever has the key may leave a gap
+    assert bench.say('auv_1', signed(bench, 'auv_1', 'uav')) is None
+
+
+def test_what_is_a_stations_own_is_told_even_if_nobody_hears_it() -> None:
+    bench = Bench()
+    channel = bench.channel
+    channel.locate('auv_1', HERE, -5.0)
+    first = bench.payload('auv_1', 'uav')
+    assert channel.say('auv_1', first) == 0
+    assert channel.say('auv_1', first) is None
+    assert channel.say('auv_1', b'?') is None
+    assert channel.say('auv_1', bench.payload('auv_2', 'uav')) is None
+    assert channel.say('auv_1', bench.payload('auv_1', 'uav') + b' ' * 1000) == 1
+    assert channel.say('auv_1', bench.payload('auv_1', 'c3')) == 2
+    body_not_sound = bench.payload('auv_1', 'uav').replace(b'MissionOrder', b'Nonsense')
+    assert channel.say('auv_1', body_not_sound) == 3
+    assert channel.deliveries(0.0) == []
+    assert channel.status().blocked == NOTHING_BLOCKED | {
+        'replay': 1,
+        'malformed': 2,
+        'unknown_sender': 2,
+        'size': 1,
+        'submerged': 1,
+    }
+
+
+def test_rounds_are_in_the_order_of_stations_and_every_message_counts_once() -> None:
     bench = Bench()
     bench.channel.locate('auv_2', HERE, -5.0)
     said = [
-        ('c3', bench.payload('c3', 'uav')),
+        ('auv_1', bench.payload('auv_1', 'uav')),
         ('auv_2', bench.payload('auv_2', 'uav')),
         ('uav', bench.payload('uav', 'auv_1')),
         ('uav', b'?'),
+        ('c3', bench.payload('c3', 'uav')),
         ('uav', bench.payload('uav', 'c3')),
     ]
-    assert bench.channel.deliveries(said, 0.0) == [
-        ('uav', said[0][1]),
-        ('auv_1', said[2][1]),
-        ('c3', said[4][1]),
+    for speaker, payload in said:
+        bench.channel.say(speaker, payload)
+    in_order_of_stations = [said[4], said[2], said[5], said[0]]
+    assert [delivery.payload for delivery in bench.channel.deliveries(0.0)] == [
+        payload for _, payload in in_order_of_stations
     ]
     status = bench.channel.status()
-    assert status.delivered == 3
+    assert status.delivered == 4
     assert status.blocked == NOTHING_BLOCKED | {'submerged': 1, 'malformed': 1}
 
 

@@ -8,16 +8,15 @@ from dataclasses import dataclass
 import msgspec
 
 from auv_sim.auv_params import AuvParams
-from auv_sim.radio_channel import RadioOutage
+from auv_sim.radio_model import RadioOutage
 from auv_sim.surfacing import Silent, surfacing_model
 from auv_sim.world_params import WorldParams
 from c3_station.c3_params import C3Params
+from c3_station.scenario import C3 as C3
+from c3_station.scenario import UAV as UAV
 from c3_station.scenario import Scenario
 from msgs_json.geometry import Cell
 from uav_planner.uav_params import UavParams
-
-C3 = 'c3'
-UAV = 'uav'
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -42,7 +41,11 @@ def mission_params(scenario: Scenario) -> MissionParams:
             c3_north_m=scenario.c3.north_m,
             range_m=scenario.radio.range_m,
             max_message_bytes=scenario.radio.max_message_bytes,
+            radio_queue_frames=scenario.radio.queue_frames,
+            radio_link=_json(scenario.radio.link),
+            radio_links=_json(scenario.radio.links),
             radio_outages=_json(tuple(_radio_outages(scenario))),
+            seed=scenario.seed,
             tick_s=scenario.tick_s,
             max_mission_s=scenario.max_mission_s,
         ),

@@ -12,9 +12,14 @@ from typing import Annotated, Any
 
 import msgspec
 
+from auv_sim.radio_model import Link, LinkModel
 from msgs_json.geometry import Cell, GridSpec, Point
 from msgs_json.messages import Name
 from uav_planner.candidate_paths import SEARCHED_MOVES_MAX
+
+C3 = 'c3'
+UAV = 'uav'
+"""Names of the agents that are not AUVs."""
 
 NotNegative = Annotated[float, msgspec.Meta(ge=0, le=1e6)]
 Wind = Annotated[float, msgspec.Meta(ge=-100, le=100)]
@@ -54,11 +59,20 @@ class Auv(Section, frozen=True, kw_only=True):
     """Surfacing model of the simulator; see `auv_sim.surfacing`."""
 
 
-class Radio(Section, frozen=True, kw_only=True):
-    """The channel between surfaced vehicles."""
+class Radio(LinkModel, frozen=True, kw_only=True):
+    """The channel between surfaced vehicles; what holds for all links stands here as well."""
 
     range_m: Annotated[float, msgspec.Meta(ge=0.001, le=1e6)]
     max_message_bytes: Annotated[int, msgspec.Meta(ge=256, le=2**30)] = 1_048_576
+    queue_frames: Annotated[int, msgspec.Meta(ge=1, le=2**30)] = 16
+    """So many frames wait while a radio is sending; what is said beyond that is blocked."""
+    links: tuple[Link, ...] = ()
+    """Those that differ."""
+
+    @property
+    def link(self) -> LinkModel:
+        """Return what holds for all links."""
+        return LinkModel(**{name: getattr(self, name) for name in LinkModel.__struct_fields__})
 
 
 class Sortie(Section, frozen=True, kw_only=True):

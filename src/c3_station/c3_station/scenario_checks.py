@@ -16,6 +16,7 @@ from auv_sim.auv_params import DRIVERS as AUV_DRIVERS
 from auv_sim.surfacing import surfacing_model
 from auv_sim.survey_field import make_field
 from c3_station.c3_agent import mission_order
+from c3_station.radio_checks import radio_problems
 from c3_station.scenario import RESERVED_NAMES, Limits, Scenario
 from c3_station.shape_checks import KeyPath, Problem, nearest
 from msgs_json import codec
@@ -61,6 +62,7 @@ def _inconsistencies(scenario: Scenario) -> Iterator[Problem]:
     yield from _mask(scenario)
     yield from _fleet(scenario)
     yield from _wind(scenario)
+    yield from radio_problems(scenario)
     planner = scenario.planner
     if planner.min_path_cells > planner.path_cells:
         yield Problem(

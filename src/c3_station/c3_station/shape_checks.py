@@ -10,7 +10,8 @@ import difflib
 import functools
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Annotated, Any, get_args, get_origin
+from types import UnionType
+from typing import TYPE_CHECKING, Annotated, Any, Union, get_args, get_origin
 
 import msgspec
 from msgspec import inspect
@@ -83,8 +84,9 @@ def _fields(struct: type[msgspec.Struct]) -> dict[str, msgspec.structs.FieldInfo
 
 def _problems(value: object, expected: Any, path: KeyPath) -> Iterator[Problem]:  # noqa: ANN401
     plain = get_args(expected)[0] if get_origin(expected) is Annotated else expected
-    if isinstance(plain, type) and issubclass(plain, msgspec.Struct):
-        yield from _struct_problems(value, plain, path)
+    struct = _struct_type(plain, value)
+    if struct is not None:
+        yield from _struct_problems(value, struct, path)
         return
     item_type = _item_type(plain)
     if item_type is not None and isinstance(value, list):
@@ -102,6 +104,17 @@ def _problems(value: object, expected: Any, path: KeyPath) -> Iterator[Problem]:
         is_right = False
     if not is_right:
         yield Problem(path, f'is {shown(value)}; allowed: {_allowed(expected)}')
+
+
+def _struct_type(expected: Any, value: object) -> type[msgspec.Struct] | None:  # noqa: ANN401
+    """Return the struct that a value must be; of a choice only where the value may be one."""
+    if isinstance(expected, type) and issubclass(expected, msgspec.Struct):
+        return expected
+    is_choice = isinstance(expected, UnionType) or get_origin(expected) is Union
+    if is_choice and isinstance(value, dict):
+        structs = [_struct_type(choice, value) for choice in get_args(expected)]
+        return next(filter(None, structs), None)
+    return None
 
 
 def _item_type(expected: Any) -> Any:  # noqa: ANN401

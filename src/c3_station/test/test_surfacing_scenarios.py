@@ -11,7 +11,7 @@ import msgspec
 import pytest
 import yaml
 
-from auv_sim.radio_channel import RadioOutage
+from auv_sim.radio_model import RadioOutage
 from auv_sim.surfacing import surfacing_model
 from c3_station.in_process import fly
 from c3_station.node_params import mission_params
