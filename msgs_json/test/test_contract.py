@@ -286,6 +286,8 @@ def values(kind: inspect.Type) -> st.SearchStrategy[Any]:
             if pattern is None:
                 return st.text(min_size=shortest or 0, max_size=longest)
             return st.from_regex(pattern).filter(lambda text: len(text) <= (longest or len(text)))
+        case inspect.BytesType(min_length=shortest):
+            return st.binary(min_size=shortest or 0, max_size=100)
         case inspect.BoolType():
             return st.booleans()
         case inspect.NoneType():
