@@ -59,6 +59,8 @@ class AgentKind(Generic[ParamsT]):
     """Length of a tick in real time."""
     publishes: tuple[Topic, ...]
     """Every topic of the agent's frames."""
+    listens: tuple[Topic, ...] = ()
+    """What the agent takes beside its radio, as if it came by that."""
 
 
 class AgentNode(HostedNode):
@@ -92,9 +94,10 @@ class AgentNode(HostedNode):
         self._agent = GuardedAgent(shell, self.log.error)
         self._work: Callable[[], list[Frame]] = lambda: self._agent.work(self._now_s())
         if self.get_parameter('use_sim_time').value:
-            self._join_lockstep()
+            self._join_lockstep(kind.listens)
         else:
-            self.listen(RADIO_RX, text_from_cdr, self._hear)
+            for topic in (RADIO_RX, *kind.listens):
+                self.listen(topic, text_from_cdr, self._hear)
             self.create_timer(kind.tick_s(params), self._tick_now)
 
     def publish(self, frames: Iterable[Frame]) -> None:
@@ -139,7 +142,7 @@ class AgentNode(HostedNode):
 
     # --- lockstep --------------------------------------------------------------------------------
 
-    def _join_lockstep(self) -> None:
+    def _join_lockstep(self, listens: Iterable[Topic]) -> None:
         client = AgentClient(self._agent, life=steady_us())
         self._work = client.work
 
@@ -159,7 +162,8 @@ class AgentNode(HostedNode):
             self.publish(client.go(message[1]))
 
         self.listen(WORLD_TICK, body_decoder(Tick), on_tick)
-        self.listen(RADIO_RX, text_from_cdr, on_heard)
+        for topic in (RADIO_RX, *listens):
+            self.listen(topic, text_from_cdr, on_heard)
         # The order matters: the subscription to go and the publisher of hello come last.
         self.listen(WORLD_GO, body_decoder(Go), on_go)
         for topic in (WORLD_DONE, WORLD_READY, WORLD_HELLO):

@@ -13,7 +13,6 @@ from msgs_json.agent import Agent, Log, Output, Publish, Refuse, Transmit, Worke
 from msgs_json.codec import MessageError, Refusal
 from msgs_json.messages import (
     RADIO_MESSAGES,
-    Event,
     Message,
     MessageRefused,
     StorageFailed,
@@ -29,9 +28,9 @@ if TYPE_CHECKING:
     from msgs_json.drivers import Vehicle
     from msgs_json.store import Store
 
-_HEARD_BY_RADIO = frozenset(t.__name__ for t in RADIO_MESSAGES)
+_HEARD = frozenset({codec.OPERATOR_COMMAND, *(t.__name__ for t in RADIO_MESSAGES)})
 
-_BOOTS, _HEARD, _UNSAID, _VEHICLE = 'boots', 'heard', 'unsaid', 'vehicle'
+_BOOTS, _HIGHEST, _UNSAID, _VEHICLE = 'boots', 'heard', 'unsaid', 'vehicle'
 """Kinds of entries of the store; an agent has others."""
 
 _BOOT_BITS = 32
@@ -82,7 +81,6 @@ class Speaker:
         self._seq[topic.name] = seq + 1
         payload = codec.encode(
             body,
-            schema=codec.MISSION_EVENT if isinstance(body, Event) else None,
             src=self._name,
             dst=dst or codec.EVERYONE,
             seq=self._first_seq + seq,
@@ -169,7 +167,7 @@ class AgentShell:
         boot = self._store.load(_BOOTS, int).get('', -1) + 1
         self._speaker = Speaker(agent.name, boot, setting.authenticator)
         self._windows = {
-            src: ReplayWindow(highest) for src, highest in self._store.load(_HEARD, int).items()
+            src: ReplayWindow(highest) for src, highest in self._store.load(_HIGHEST, int).items()
         }
         self._unsaid = [
             Frame(MISSION_EVENTS, Text(payload))
@@ -228,12 +226,11 @@ class AgentShell:
                 envelope.src,
                 f'`$.dst` is {envelope.dst}, this is {self.agent.name}',
             )
-        if envelope.schema not in _HEARD_BY_RADIO:
+        if envelope.schema not in _HEARD:
             raise MessageError(
                 Refusal.UNKNOWN_SCHEMA,
                 envelope.src,
-                f'`$.schema` is {envelope.schema!r}; by radio come'
-                f' {", ".join(sorted(_HEARD_BY_RADIO))}',
+                f'`$.schema` is {envelope.schema!r}; allowed: {", ".join(sorted(_HEARD))}',
             )
         body = codec.open_body(envelope)
         if self._authenticator is not None:
@@ -258,7 +255,7 @@ class AgentShell:
                 Refusal.REPLAY, src, f'`$.seq` is {seq}: heard before, or too old to tell'
             )
         window.accept(seq)
-        self._store.put(_HEARD, src, window.highest)
+        self._store.put(_HIGHEST, src, window.highest)
 
     # --- what goes out ---------------------------------------------------------------------------
 

@@ -17,8 +17,11 @@ from msgs_json.messages import (
     LOCKSTEP_MESSAGES,
     RADIO_MESSAGES,
     STATUS_MESSAGES,
+    Command,
+    Event,
     Message,
     MissionEvent,
+    OperatorCommand,
     Seconds,
 )
 
@@ -29,6 +32,7 @@ EVERYONE = '*'
 """Destination of what is not sent to one agent (events, status)."""
 
 MISSION_EVENT = 'MissionEvent'
+OPERATOR_COMMAND = 'OperatorCommand'
 
 
 class Envelope(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -84,7 +88,7 @@ class MessageError(ValueError):
 
 SCHEMA_TYPES: dict[str, object] = {
     t.__name__: t for t in (*RADIO_MESSAGES, *LOCKSTEP_MESSAGES, *STATUS_MESSAGES)
-} | {MISSION_EVENT: MissionEvent}
+} | {MISSION_EVENT: MissionEvent, OPERATOR_COMMAND: OperatorCommand}
 """Body type of every schema, by its name."""
 
 DETAIL_MAX_CHARS = 300
@@ -102,13 +106,22 @@ def _body_decoder(schema: str) -> msgspec.json.Decoder[Message]:
     return msgspec.json.Decoder(SCHEMA_TYPES[schema])
 
 
-def encode(
-    body: Message, *, schema: str | None = None, src: str, dst: str, seq: int, stamp_s: float
-) -> bytes:
-    """Return the JSON of an envelope; ``schema`` defaults to the body's class name."""
+def schema_of(body: Message) -> str:
+    """Return the name of a message's schema: its own, or that of the union it belongs to."""
+    match body:
+        case Event():
+            return MISSION_EVENT
+        case Command():
+            return OPERATOR_COMMAND
+        case _:
+            return type(body).__name__
+
+
+def encode(body: Message, *, src: str, dst: str, seq: int, stamp_s: float) -> bytes:
+    """Return the JSON of an envelope."""
     return _encoder.encode(
         Envelope(
-            schema=schema or type(body).__name__,
+            schema=schema_of(body),
             version=SCHEMA_VERSION,
             src=src,
             dst=dst,

@@ -174,6 +174,9 @@ class PathAssignment(Message, frozen=True):
 class RecoveryReason(enum.Enum):
     """Why an AUV is to stay at the surface."""
 
+    RECALLED = 'recalled'
+    """The operator wants it back."""
+
     EXPLORED = 'explored'
     """Nothing is left to survey."""
     ABORTED = 'aborted'
@@ -198,6 +201,7 @@ class Acknowledged(enum.Enum):
     PATH_ASSIGNMENT = 'PathAssignment'
     RECOVERY_ORDER = 'RecoveryOrder'
     SORTIE_REPORT = 'SortieReport'
+    DIRECTIVE = 'Directive'
 
 
 class Acknowledgement(Message, frozen=True):
@@ -205,7 +209,34 @@ class Acknowledgement(Message, frozen=True):
 
     acknowledges: Acknowledged
     reference: Count
-    """The leg id or sortie number of the message; 0 for a mission order."""
+    """Leg id, sortie number or revision of the message; 0 for a mission order."""
+
+
+class Directive(Message, frozen=True):
+    """
+    C3 to UAV: all that the operator wants now, where it differs from the order or not.
+
+    It says what is to be, not what is to change: one that was missed is made up for by the next.
+    """
+
+    revision: Count
+    """Counted by C3; 0 is the order itself."""
+    paused: bool
+    """No sortie is to begin."""
+    aborted: bool
+    """The UAV is to be at C3: it breaks off a sortie, and begins none."""
+    recalled: tuple[Name, ...]
+    """AUVs that get no further path: at their next meeting they are told to stay up."""
+    sortie_limit_s: Annotated[float, msgspec.Meta(gt=0, le=1e6, description='L')]
+    masked: tuple[Cell, ...]
+    """Cells that are not part of the region, those of the order included."""
+
+
+class DirectiveRefused(Message, frozen=True):
+    """UAV to C3: it does not fly so, but goes on as before."""
+
+    revision: Count
+    problem: Annotated[str, msgspec.Meta(max_length=1000)]
 
 
 class Meeting(Message, frozen=True):
@@ -310,8 +341,63 @@ RADIO_MESSAGES: tuple[type[Message], ...] = (
     SortieReport,
     Fragment,
     FragmentReceipt,
+    Directive,
+    DirectiveRefused,
 )
 """What may go over ``radio/tx`` and ``radio/rx``."""
+
+
+# --- from operators ----------------------------------------------------------------------------
+
+
+def _snake_case(name: str) -> str:
+    return re.sub('(?<!^)(?=[A-Z])', '_', name).lower()
+
+
+class Command(Message, frozen=True, kw_only=True, tag_field='command', tag=_snake_case):
+    """Base of what `OperatorCommand` bodies hold; ``command`` is the class name in snake case."""
+
+
+class Recall(Command, frozen=True):
+    """Have AUVs stay up when they are met next; their cells go to the others."""
+
+    auvs: tuple[Name, ...] = ()
+    """None: all of them."""
+
+
+class Pause(Command, frozen=True):
+    """Let no further sortie begin; the present one is flown to its end."""
+
+
+class Resume(Command, frozen=True):
+    """Let sorties begin again after a pause."""
+
+
+class ChangeLimit(Command, frozen=True):
+    """Fly by another sortie time limit from the next sortie on."""
+
+    sortie_limit_s: Annotated[float, msgspec.Meta(gt=0, le=1e6, description='L')]
+
+
+class ChangeRegion(Command, frozen=True):
+    """Survey without some cells from the next sortie on; those masked in the order stay so."""
+
+    masked: tuple[Cell, ...]
+
+
+class EndMission(Command, frozen=True):
+    """Recall all AUVs, so that the mission ends when their data is at C3."""
+
+
+class Abort(Command, frozen=True):
+    """Have the UAV come to C3 at once, and stay there until a reset."""
+
+
+class Reset(Command, frozen=True):
+    """Take an abort back; nothing else does."""
+
+
+OperatorCommand = Recall | Pause | Resume | ChangeLimit | ChangeRegion | EndMission | Abort | Reset
 
 
 # --- for operators -----------------------------------------------------------------------------
@@ -325,7 +411,11 @@ class MissionState(enum.Enum):
     SURVEYING = 'surveying'
     """There are cells of which no sample has been delivered."""
     RECOVERING = 'recovering'
-    """The whole region is delivered; AUVs are still out."""
+    """The whole region is delivered, or all AUVs are recalled; some are still out."""
+    PAUSED = 'paused'
+    """The operator lets no sortie begin."""
+    ABORTED = 'aborted'
+    """The operator has the UAV stay at C3, until a reset."""
     COMPLETED = 'completed'
     """Every AUV is lost or up for recovery with its data at C3, and the UAV is home."""
 
@@ -371,6 +461,10 @@ class MissionStatus(Message, frozen=True):
     cells_total: Count
     cells_delivered: Count
     samples_delivered: Count
+    directive: Directive
+    """What the operator wants."""
+    directive_taken: Count
+    """Revision of the one by which the UAV flies."""
     auvs: tuple[AuvStatus, ...]
 
 
@@ -401,10 +495,6 @@ class RadioStatus(Message, frozen=True):
 
 
 # --- the mission's log: one type per thing that happened ----------------------------------------
-
-
-def _snake_case(name: str) -> str:
-    return re.sub('(?<!^)(?=[A-Z])', '_', name).lower()
 
 
 class Event(Message, frozen=True, kw_only=True, tag_field='event', tag=_snake_case):
@@ -533,6 +623,28 @@ class SamplesDelivered(Event, frozen=True):
     """How long ago the oldest of the new samples was taken; None where there is none."""
 
 
+class CommandTaken(Event, frozen=True):
+    """C3: took a command of the operator; the UAV hears of it when it is in range."""
+
+    command: OperatorCommand
+    revision: Count
+    """Of the directive that says so."""
+
+
+class CommandRefused(Event, frozen=True):
+    """C3: does not take a command, or the UAV cannot fly by it."""
+
+    command: OperatorCommand | None
+    """None where the UAV says so, which knows only what came of it."""
+    problem: str
+
+
+class DirectiveTaken(Event, frozen=True):
+    """UAV: flies by what the operator wants from now on."""
+
+    directive: Directive
+
+
 class MissionCompleted(Event, frozen=True):
     """C3: each AUV is lost or up for recovery with its data here, and the UAV is home."""
 
@@ -590,6 +702,9 @@ MissionEvent = (
     | HeardAgain
     | SortieReturned
     | SamplesDelivered
+    | CommandTaken
+    | CommandRefused
+    | DirectiveTaken
     | MissionCompleted
     | MessageRefused
     | StorageFailed

@@ -83,6 +83,9 @@ MARKERS = Topic(
     'survey samples as coloured cells, the station, masked cells',
 )
 MISSION_STATUS = Topic('mission_status', STRING, Qos.LATCHED, 'c3', 'MissionStatus')
+COMMAND = Topic(
+    'command', STRING, Qos.STREAM, 'operator', 'OperatorCommand, signed like what goes by radio'
+)
 DIAGNOSTICS = Topic(
     '/diagnostics',
     'diagnostic_msgs/msg/DiagnosticArray',
@@ -127,6 +130,7 @@ TOPICS: tuple[Topic, ...] = (
     EXPLORATION_MAP,
     MARKERS,
     MISSION_STATUS,
+    COMMAND,
     DIAGNOSTICS,
     MISSION_EVENTS,
     RADIO_STATUS,

@@ -9,7 +9,9 @@ from typing import TYPE_CHECKING
 import msgspec
 
 from c3_station.mission_views import diagnostics, occupancy, survey_markers
+from c3_station.operator_desk import OPERATOR, DeskMemory, OperatorDesk
 from c3_station.scenario import Scenario
+from c3_station.scheduled_commands import operator_command
 from c3_station.software import software_version
 from msgs_json.agent import Log, Output, Publish, Refuse, Transmit
 from msgs_json.codec import Refusal
@@ -19,7 +21,10 @@ from msgs_json.messages import (
     Acknowledgement,
     AuvOrder,
     AuvStatus,
+    CommandRefused,
+    CommandTaken,
     ContactState,
+    DirectiveRefused,
     Leg,
     LegOutcome,
     Message,
@@ -28,6 +33,7 @@ from msgs_json.messages import (
     MissionStarted,
     MissionState,
     MissionStatus,
+    OperatorCommand,
     Sample,
     SampleBatch,
     SampleReceipt,
@@ -95,6 +101,8 @@ class _Memory(msgspec.Struct, frozen=True, kw_only=True):
     sorties: int
     awaited: tuple[SampleSpan, ...]
     no_next_sortie: bool
+    desk: DeskMemory
+    scheduled_done: int
     finished: bool
 
 
@@ -110,7 +118,7 @@ class C3Agent:
         self, name: str, scenario: Scenario, uav: str, status_period_s: float, store: Store
     ) -> None:
         self.name = name
-        self.peers = frozenset({uav})
+        self.peers = frozenset({uav, OPERATOR})
         self._scenario = scenario
         self._uav = uav
         self._status_period_s = status_period_s
@@ -131,6 +139,9 @@ class C3Agent:
         """The newest sample of each cell."""
         for sample in store.load(_SAMPLE, Sample).values():
             self._note(sample)
+        self._desk = OperatorDesk(scenario, memory.desk if memory else None)
+        self._scheduled_done = memory.scheduled_done if memory else 0
+        """How many of the scenario's commands were given."""
         self._shown_s = -math.inf
         self._shown_contacts: tuple[ContactState | None, ...] = ()
 
@@ -143,17 +154,24 @@ class C3Agent:
             self._remember(self._order)
             output.append(Log(self._started(), now_s))
             output += self._show_survey(now_s)
+        output += self._scheduled(self._order, now_s)
         if not self._order_acknowledged:
             output.append(Transmit(self._uav, self._order))
+        elif not self._desk.is_settled:
+            output.append(Transmit(self._uav, self._desk.wanted))
         is_old = now_s - self._shown_s >= self._status_period_s
         if is_old or self._contacts(now_s) != self._shown_contacts:
             output += self._show_status(now_s)
         return output
 
     def receive(self, src: str, message: Message, now_s: float) -> list[Output]:
-        """Take the UAV's acknowledgement of the order, its sortie reports and samples."""
+        """Take what the UAV says and brings, and commands of the operator."""
         if self._order is None:
             return [Refuse(src, Refusal.UNEXPECTED, 'C3 has not begun its mission')]
+        if src == OPERATOR or isinstance(message, OperatorCommand):
+            if src != OPERATOR or not isinstance(message, OperatorCommand):
+                return [Refuse(src, Refusal.UNEXPECTED, 'commands come from the operator only')]
+            return self._commanded(message, self._order, now_s)
         match message:
             case Acknowledgement(acknowledges=Acknowledged.MISSION_ORDER):
                 if self._order_acknowledged:
@@ -161,6 +179,12 @@ class C3Agent:
                 self._order_acknowledged = True
                 self._remember(self._order)
                 return self._show_status(now_s)
+            case Acknowledgement(acknowledges=Acknowledged.DIRECTIVE, reference=revision):
+                self._desk.acknowledged(revision)
+                self._remember(self._order)
+                return self._show_status(now_s)
+            case DirectiveRefused():
+                return self._directive_refused(message, self._order, now_s)
             case SortieReport():
                 return self._take_report(message, self._order, now_s)
             case SampleBatch():
@@ -186,9 +210,44 @@ class C3Agent:
             sorties=self._sorties,
             awaited=self._awaited,
             no_next_sortie=self._no_next_sortie,
+            desk=self._desk.memory(),
+            scheduled_done=self._scheduled_done,
             finished=self.finished,
         )
         self._store.put(_MISSION, '', memory)
+
+    # --- what the operator wants -----------------------------------------------------------------
+
+    def _commanded(
+        self, command: OperatorCommand, order: MissionOrder, now_s: float
+    ) -> list[Output]:
+        problem = self._desk.take(command)
+        if problem:
+            return [Log(CommandRefused(command=command, problem=problem), now_s)]
+        self._remember(order)
+        taken = CommandTaken(command=command, revision=self._desk.wanted.revision)
+        return [Log(taken, now_s), *self._show_status(now_s)]
+
+    def _directive_refused(
+        self, refusal: DirectiveRefused, order: MissionOrder, now_s: float
+    ) -> list[Output]:
+        if not self._desk.refused(refusal):
+            return []  # a late copy
+        self._remember(order)
+        refused = CommandRefused(command=None, problem=refusal.problem)
+        return [Log(refused, now_s), *self._show_status(now_s)]
+
+    def _scheduled(self, order: MissionOrder, now_s: float) -> list[Output]:
+        """Give the commands of the scenario whose time has come."""
+        output: list[Output] = []
+        for scheduled in self._scenario.operator[self._scheduled_done :]:
+            if is_before(now_s, scheduled.at_s):
+                break
+            self._scheduled_done += 1
+            command = operator_command(scheduled.command)
+            output += self._commanded(command, order, now_s)
+            self._remember(order)
+        return output
 
     # --- what the UAV brings ---------------------------------------------------------------------
 
@@ -347,9 +406,11 @@ class C3Agent:
             mission_id=self._scenario.name,
             state=self._state(),
             sorties=self._sorties,
-            cells_total=self._scenario.region.cells_total,
+            cells_total=self._cells_total,
             cells_delivered=len(self._cells),
             samples_delivered=self._samples_delivered,
+            directive=self._desk.wanted,
+            directive_taken=self._desk.taken.revision,
             auvs=tuple(
                 AuvStatus(
                     name=name,
@@ -366,12 +427,21 @@ class C3Agent:
             ),
         )
 
+    @property
+    def _cells_total(self) -> int:
+        return self._scenario.region.cells_total - len(self._desk.taken_out)
+
     def _state(self) -> MissionState:
         if self.finished:
             return MissionState.COMPLETED
+        if self._desk.wanted.aborted:
+            return MissionState.ABORTED
+        if self._desk.wanted.paused:
+            return MissionState.PAUSED
         if not self._order_acknowledged:
             return MissionState.STARTING
-        if len(self._cells) == self._scenario.region.cells_total:
+        is_delivered = self._cells_total == len(self._cells.keys() - self._desk.taken_out)
+        if is_delivered or self._desk.is_all_recalled:
             return MissionState.RECOVERING
         return MissionState.SURVEYING
 

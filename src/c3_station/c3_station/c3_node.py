@@ -7,6 +7,7 @@ from c3_station.scenario_files import parse_scenario
 from msgs_json.agent_node import AgentKind, AgentNode
 from msgs_json.host_node import run
 from msgs_json.topics import (
+    COMMAND,
     DIAGNOSTICS,
     EXPLORATION_MAP,
     MARKERS,
@@ -21,6 +22,7 @@ C3 = AgentKind(
     params_type=C3Params,
     make_agent=lambda params, ports, setting: make_c3(params, setting),
     tick_s=lambda params: parse_scenario(params.scenario).tick_s,
+    listens=(COMMAND,),
     publishes=(EXPLORATION_MAP, MARKERS, MISSION_STATUS, DIAGNOSTICS, RADIO_TX, MISSION_EVENTS),
 )
 

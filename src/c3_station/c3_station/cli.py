@@ -400,6 +400,19 @@ def _bench(options: argparse.Namespace, console: Console) -> ExitCode:
     return run_benchmarks(options.benchmark, console, planners if is_asked else None)
 
 
+def _command_options(parser: argparse.ArgumentParser) -> None:
+    from c3_station.command_command import USAGE
+
+    parser.add_argument('run', type=Path, help='folder of a mission that is being flown')
+    parser.add_argument('words', nargs='+', metavar='COMMAND', help=USAGE)
+
+
+def _command(options: argparse.Namespace, console: Console) -> ExitCode:
+    from c3_station.command_command import command
+
+    return command(options.run, options.words, console)
+
+
 _COMMANDS = {
     'run': _Command('fly a mission', 'run ecc2009 --rate max', _run_options, _run),
     'campaign': _Command(
@@ -419,6 +432,12 @@ _COMMANDS = {
         'recover runs/ecc2009/bag',
         _recover_options,
         _recover,
+    ),
+    'command': _Command(
+        'tell the C3 of a running mission what the operator wants',
+        'command runs/ecc2009 recall auv_2',
+        _command_options,
+        _command,
     ),
     'bench': _Command('measure this machine, as ratios', 'bench', _bench_options, _bench),
     'check': _Command('check a scenario file', 'check my_bay.yaml', _check_options, _check),

@@ -45,6 +45,7 @@ def fly_on_ros(
     with domain_id() as domain:
         os.environ.update(graph_environment(domain, folder.logs))
         monitor.domain_id = domain
+        folder.domain.write_text(f'{domain}\n')
         nodes = mission_nodes(scenario, bag=bag)
         write_params(
             scenario,

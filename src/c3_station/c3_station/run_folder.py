@@ -24,6 +24,7 @@ class RunFolder:
         self.params = path / 'params.yaml'
         self.key = path / 'key'
         self.stores = path / 'stores'
+        self.domain = path / 'domain'
         self.scenario = path / SCENARIO
         self.summary = path / 'summary.json'
         self.report = path / 'report.html'

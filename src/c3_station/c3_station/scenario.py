@@ -26,7 +26,7 @@ Wind = Annotated[float, msgspec.Meta(ge=-100, le=100)]
 PathCells = Annotated[int, msgspec.Meta(ge=1, le=SEARCHED_MOVES_MAX)]
 """A planner that lists all paths takes less, and says so when it is asked for its first sortie."""
 
-RESERVED_NAMES = frozenset({'c3', 'diagnostics', 'recorder', 'uav', 'world'})
+RESERVED_NAMES = frozenset({'c3', 'diagnostics', 'operator', 'recorder', 'uav', 'world'})
 """Names of the other nodes (and of what stands beside them in the topic tree): not for an AUV."""
 
 
@@ -127,6 +127,14 @@ PROMISES = ('sortie_limit_violations', 'samples_lost')
 """Pass conditions that ask for what any planner should keep, not for how good one is."""
 
 
+class ScheduledCommand(Section, frozen=True, kw_only=True):
+    """What the operator does at a time."""
+
+    at_s: NotNegative
+    command: dict[str, Any]
+    """See `msgs_json.messages.OperatorCommand`."""
+
+
 class Scenario(Section, frozen=True, kw_only=True):
     """A mission."""
 
@@ -146,4 +154,6 @@ class Scenario(Section, frozen=True, kw_only=True):
     max_mission_s: Annotated[float, msgspec.Meta(ge=1, le=1e7)]
     """Hard stop, seconds of simulated time; generous."""
     on_death: OnDeath = OnDeath.END
+    operator: tuple[ScheduledCommand, ...] = ()
+    """Commands that C3 takes as if the operator gave them, in order of time."""
     pass_conditions: PassConditions = msgspec.field(name='pass', default=PassConditions())

@@ -18,6 +18,7 @@ from auv_sim.survey_field import make_field
 from c3_station.c3_agent import mission_order
 from c3_station.radio_checks import radio_problems
 from c3_station.scenario import RESERVED_NAMES, Limits, Scenario
+from c3_station.scheduled_commands import operator_command
 from c3_station.shape_checks import KeyPath, Problem, nearest
 from msgs_json import codec
 from msgs_json.drivers import find_driver, registered_drivers
@@ -282,6 +283,9 @@ def _unknown_parts(scenario: Scenario) -> Iterator[Problem]:
         path: KeyPath = ('auvs', index)
         yield from _unknown_driver((*path, 'driver'), AUV_DRIVERS, auv.driver)
         yield from _refusal((*path, 'surfacing'), partial(surfacing_model, _json(auv.surfacing)))
+    for index, scheduled in enumerate(scenario.operator):
+        path = ('operator', index, 'command')
+        yield from _refusal(path, partial(operator_command, scheduled.command))
     yield from _refusal(('field',), partial(make_field, _json(scenario.field), scenario.region))
 
 

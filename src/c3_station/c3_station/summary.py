@@ -26,6 +26,7 @@ from msgs_json.geometry import Cell, is_before
 from msgs_json.messages import (
     CellEntered,
     ContactState,
+    DirectiveTaken,
     Event,
     GivenUp,
     HeardAgain,
@@ -388,6 +389,8 @@ class _Figures:
         self.heard_again_s: dict[str, float] = {}
         """The last time."""
         self.aborted: set[str] = set()
+        self.masked: tuple[Cell, ...] = ()
+        """Cells that are not part of the region, as the operator wanted last."""
         self.deliveries: list[tuple[float, SamplesDelivered]] = []
         self.at_c3 = (
             None if status is None else {auv.name: auv.samples_delivered for auv in status.auvs}
@@ -439,6 +442,8 @@ class _Figures:
                 self.given_up.append((time_s, event))
             case HeardAgain(auv=auv):
                 self.heard_again_s[auv] = time_s
+            case DirectiveTaken(directive=directive):
+                self.masked = directive.masked
             case SamplesDelivered():
                 self.deliveries.append((time_s, event))
 
@@ -446,9 +451,10 @@ class _Figures:
         """Return the summary."""
         scenario = scenario_from_json(self.started.scenario) if self.started else None
         first_entered_s = self._first_entered_s()
+        cells = self._cells(scenario)
         explored_s = None
-        if scenario and len(first_entered_s) == scenario.region.cells_total:
-            explored_s = max(first_entered_s.values())
+        if cells and cells <= first_entered_s.keys():
+            explored_s = max(first_entered_s[cell] for cell in cells)
         moves = self._moves(explored_s)
         neglect_s = self._neglect_s(scenario, explored_s)
         sorties = self._sorties()
@@ -462,7 +468,7 @@ class _Figures:
             explored_s=explored_s,
             delivered_s=self._delivered_s(scenario),
             mission_s=self.completed_s,
-            cells_total=scenario.region.cells_total if scenario else None,
+            cells_total=len(cells) if scenario else None,
             cells_explored=len(first_entered_s),
             moves_total=len(moves),
             revisits=len(moves) - len({move.cell for move in moves} - self._start_cells()),
@@ -493,6 +499,10 @@ class _Figures:
             wall_s=facts.wall_s,
             real_time_factor=facts.real_time_factor,
         )
+
+    def _cells(self, scenario: Scenario | None) -> frozenset[Cell]:
+        """Return the cells to be surveyed, without those that the operator took out."""
+        return frozenset(scenario.region.cells if scenario else ()) - frozenset(self.masked)
 
     def _first_entered_s(self) -> Mapping[Cell, float]:
         first_entered_s: dict[Cell, float] = {}
@@ -561,7 +571,7 @@ class _Figures:
 
     def _delivered_s(self, scenario: Scenario | None) -> float | None:
         cells_delivered = max((event.cells_delivered for _, event in self.deliveries), default=0)
-        if scenario is None or cells_delivered < scenario.region.cells_total:
+        if scenario is None or cells_delivered < len(self._cells(scenario)):
             return None
         missing = self._samples_missing()
         if missing is None or any(missing[auv] for auv in missing if auv not in self._lost()):

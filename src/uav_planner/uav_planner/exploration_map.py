@@ -25,8 +25,8 @@ class MapMemory(msgspec.Struct, frozen=True, kw_only=True):
 
     entries: bytes
     """Of every cell, row by row, as 8-byte integers."""
-    confirmed: bytes
-    """Likewise, one byte each."""
+    visited: bytes
+    """Of every cell, whether it was really visited, one byte each."""
 
 
 class ExplorationMap:
@@ -56,7 +56,7 @@ class ExplorationMap:
     def __init__(self, grid: GridSpec, start_cells: Iterable[Cell]) -> None:
         self._grid = grid
         self._entries = np.zeros((grid.rows, grid.cols), dtype=np.int64)
-        self._confirmed = grid.mask.copy()  # where there is nothing to visit nothing is missing
+        self._visited = np.zeros((grid.rows, grid.cols), dtype=np.bool_)
         self._values = np.where(grid.mask, 0.0, 1.0)
         self._values_view = self._values.view()
         self._values_view.flags.writeable = False
@@ -76,7 +76,7 @@ class ExplorationMap:
     @property
     def is_explored(self) -> bool:
         """Return whether every cell of the region is confirmed as really visited."""
-        return bool(self._confirmed.all())
+        return bool((self._visited | self._grid.mask).all())
 
     def assign(self, path: Sequence[Cell]) -> None:
         """Halve every cell of a new path as often as it enters it; `P_0` was entered before."""
@@ -111,11 +111,17 @@ class ExplorationMap:
             if self._entries[row, col] == 0:
                 raise ValueError(f'cell {[col, row]} is reported visited but was never assigned')
         for index in indices:
-            self._confirmed[index] = True
+            self._visited[index] = True
+
+    def of_region(self, grid: GridSpec) -> ExplorationMap:
+        """Return what is known of a region of the same grid with other cells masked."""
+        other = ExplorationMap(grid, ())
+        other.recall(self.memory())
+        return other
 
     def memory(self) -> MapMemory:
         """Return what to `recall`."""
-        return MapMemory(entries=self._entries.tobytes(), confirmed=self._confirmed.tobytes())
+        return MapMemory(entries=self._entries.tobytes(), visited=self._visited.tobytes())
 
     def recall(self, memory: MapMemory) -> None:
         """
@@ -129,7 +135,7 @@ class ExplorationMap:
         """
         shape = self._entries.shape
         self._entries = np.frombuffer(memory.entries, dtype=np.int64).reshape(shape).copy()
-        self._confirmed = np.frombuffer(memory.confirmed, dtype=np.bool_).reshape(shape).copy()
+        self._visited = np.frombuffer(memory.visited, dtype=np.bool_).reshape(shape).copy()
         halvings = np.minimum(self._entries, HALVINGS_MAX)
         self._values[:] = np.where(self._grid.mask, 0.0, np.ldexp(1.0, -halvings))
 
@@ -139,7 +145,7 @@ class ExplorationMap:
         for cell, occurrences in Counter(cells).items():
             index = self._index(cell)
             changed[index] = int(self._entries[index]) + sign * occurrences
-            if changed[index] < int(self._confirmed[index]):
+            if changed[index] < int(self._visited[index]):
                 raise ValueError(f'cell {list(cell)} has no assigned entry left to take back')
         for index, entries in changed.items():
             self._entries[index] = entries

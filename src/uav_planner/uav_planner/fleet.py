@@ -40,7 +40,7 @@ from uav_planner.sortie import searches_of
 if TYPE_CHECKING:
     from collections.abc import Container, Iterator
 
-    from msgs_json.messages import MissionOrder
+    from msgs_json.messages import Directive, MissionOrder
     from uav_planner.planning import SortiePlan, Tours
 
 
@@ -116,6 +116,7 @@ class Fleet:
         self._hand_overs: dict[str, HandOver] = {}
         """By AUV, until it acknowledges or reports from its next leg."""
         self._tours: Tours = {}
+        self._recalled: frozenset[str] = frozenset()
         self.is_changed = True
         """Whether it knows more than `memory` told last."""
 
@@ -136,6 +137,18 @@ class Fleet:
         self._hand_overs = dict(memory.hand_overs)
         self._tours = memory.tours
         self.is_changed = False
+
+    # --- what the operator wants -----------------------------------------------------------------
+
+    def direct(self, directive: Directive) -> None:
+        """Fly as the operator wants from now on; see `mission_order.problem_with_directive`."""
+        grid = msgspec.structs.replace(self.mission.grid, masked=directive.masked)
+        if grid != self.mission.grid:
+            self._map = self._map.of_region(grid)
+            self._tours = {}  # they may lead through what is masked now
+        self.mission = replace(self.mission, grid=grid, sortie_limit_s=directive.sortie_limit_s)
+        self._recalled = frozenset(directive.recalled)
+        self.is_changed = True
 
     # --- who and where ---------------------------------------------------------------------------
 
@@ -268,9 +281,7 @@ class Fleet:
         if plan is None or was_astray:
             self._release(auv)
             plan = self._plan_path(report, to_meet, position, now_s)
-        is_aborted = report.outcome is LegOutcome.ABORTED
-        reason = RecoveryReason.ABORTED if is_aborted else RecoveryReason.EXPLORED
-        self._begin_hand_over(report, plan, reason, now_s)
+        self._begin_hand_over(report, plan, self._reason_to_recover(report), now_s)
         return Encounter(plan=plan, was_lost=was_lost)
 
     def is_off_course(self, report: SurfacingReport, now_s: float) -> bool:
@@ -340,7 +351,8 @@ class Fleet:
         self, report: SurfacingReport, to_meet: Container[str], position: Point, now_s: float
     ) -> PlanResult | None:
         """Return an AUV's next path, already noted on the map; None where none is needed."""
-        if self._map.is_explored or report.outcome is LegOutcome.ABORTED:
+        is_wanted = report.outcome is not LegOutcome.ABORTED and report.auv not in self._recalled
+        if self._map.is_explored or not is_wanted:
             return None
         auv = self._auvs[report.auv]
         behind = self._behind(report)
@@ -361,6 +373,13 @@ class Fleet:
         self._claim(auv, plan.path)
         auv.behind, auv.search = behind, plan.search
         return plan
+
+    def _reason_to_recover(self, report: SurfacingReport) -> RecoveryReason:
+        if report.outcome is LegOutcome.ABORTED:
+            return RecoveryReason.ABORTED
+        if report.auv in self._recalled:
+            return RecoveryReason.RECALLED
+        return RecoveryReason.EXPLORED
 
     def _behind(self, report: SurfacingReport) -> Cell | None:
         """

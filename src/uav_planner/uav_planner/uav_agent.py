@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 import msgspec
@@ -15,6 +15,9 @@ from msgs_json.geometry import Point, is_before, whole_ticks
 from msgs_json.messages import (
     Acknowledged,
     Acknowledgement,
+    Directive,
+    DirectiveRefused,
+    DirectiveTaken,
     ExpectedContact,
     GivenUp,
     HeardAgain,
@@ -39,9 +42,14 @@ from msgs_json.topics import ODOM, ROUTE
 from uav_planner.fleet import Fleet, FleetMemory
 from uav_planner.hand_over import HandOver, problem_with_samples
 from uav_planner.headway import Headway
-from uav_planner.mission_order import UavSetup, mission_spec, problem_with_order
+from uav_planner.mission_order import (
+    UavSetup,
+    mission_spec,
+    problem_with_directive,
+    problem_with_order,
+)
 from uav_planner.planning import MissionSpec, Planner, Prospect, SortiePlan
-from uav_planner.sortie import Route, search_times_s, worst_case_s
+from uav_planner.sortie import Route, round_ticks, search_times_s, worst_case_s
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -50,7 +58,7 @@ if TYPE_CHECKING:
     from msgs_json.drivers import UavDriver
     from msgs_json.store import Store
 
-_ORDER, _FLEET, _FLIGHT, _REPORT = 'order', 'fleet', 'flight', 'report'
+_ORDER, _DIRECTIVE, _FLEET, _FLIGHT, _REPORT = 'order', 'directive', 'fleet', 'flight', 'report'
 """Kinds of entries of the store, beside the samples."""
 
 
@@ -201,6 +209,8 @@ class UavAgent:
         self._position: Point | None = None
         self._fleet: Fleet | None = None
         """None before the order."""
+        self._directive: Directive | None = None
+        """What the operator wants beside the order, if anything."""
         self._sortie: _Sortie | None = None
         """The one being flown, or waiting at C3 for its departure."""
         self._look_ahead: Iterator[float] = iter(())
@@ -259,6 +269,9 @@ class UavAgent:
             return
         setup = self._setup
         self._fleet = Fleet(order, mission_spec(order, setup), self._planner)
+        self._directive = self._store.load(_DIRECTIVE, Directive).get('')
+        if self._directive is not None:
+            self._fleet.direct(self._directive)
         self._fleet.recall(self._store.load(_FLEET, FleetMemory)[''])
         flight = self._store.load(_FLIGHT, _FlightMemory)['']
         self._sortie = flight.sortie.sortie(self._fleet) if flight.sortie is not None else None
@@ -305,6 +318,8 @@ class UavAgent:
                 return [*self._tell(), *self._hear(fleet, message)]
             case SampleBatch() if fleet is not None and src in fleet.names:
                 return self._take_samples(fleet, src, message)
+            case Directive() if fleet is not None and src == self._setup.c3:
+                return self._directed(message, fleet)
             case SampleReceipt() if src == self._setup.c3:
                 return self._relieved(message)
             case Acknowledgement():
@@ -320,8 +335,7 @@ class UavAgent:
             return []
         sortie = self._sortie
         if sortie is not None and sortie.order != sortie.fleet.visiting_order:
-            self._sortie, self._is_changed = None, True  # never flown: the next is the first, too
-            self._sortie = self._plan_sortie(sortie.fleet, overlooked=frozenset())
+            self._plan_anew(sortie)
         return [Log(PlanningAhead(share=round(share, 2)), now_s)]
 
     # --- the order -------------------------------------------------------------------------------
@@ -346,7 +360,60 @@ class UavAgent:
         self.peers = frozenset({self._setup.c3, *fleet.names})
         return [acknowledgement]
 
+    # --- what the operator wants -----------------------------------------------------------------
+
+    @property
+    def _may_depart(self) -> bool:
+        wanted = self._directive
+        return wanted is None or not (wanted.paused or wanted.aborted)
+
+    def _directed(self, directive: Directive, fleet: Fleet) -> list[Output]:
+        """
+        Fly by a directive from now on; in the air only an abort counts.
+
+        What else it says is taken up when it comes again on the ground.
+        """
+        sortie, c3 = self._sortie, self._setup.c3
+        if sortie is not None and sortie.departed_s is not None:
+            return self._break_off(sortie) if directive.aborted and not sortie.goes_home else []
+        acknowledgement = Transmit(
+            c3,
+            Acknowledgement(acknowledges=Acknowledged.DIRECTIVE, reference=directive.revision),
+        )
+        if self._directive is not None and directive.revision <= self._directive.revision:
+            return [acknowledgement]  # repeated by C3: it missed our answer
+        problem = self._problem_with(directive, fleet)
+        if problem:
+            return [Transmit(c3, DirectiveRefused(revision=directive.revision, problem=problem))]
+        fleet.direct(directive)
+        self._directive = directive
+        self._store.put(_DIRECTIVE, '', directive)
+        if sortie is not None:
+            self._plan_anew(sortie)
+        return [acknowledgement, Log(DirectiveTaken(directive=directive), self._now_s)]
+
+    def _problem_with(self, directive: Directive, fleet: Fleet) -> str | None:
+        """Return why a directive cannot be flown, on the ground, or None."""
+        order = self._store.load(_ORDER, MissionOrder)['']
+        problem = problem_with_directive(directive, order, fleet.survey_legs())
+        if problem or self._sortie is None or not self._planner.guarantees_limit:
+            return problem
+        mission = fleet.mission
+        needed_s = round_ticks(mission, self._sortie.plan.route) * mission.tick_s
+        if is_before(directive.sortie_limit_s, needed_s):
+            return (
+                f'sortie_limit_s is {directive.sortie_limit_s:g}; allowed: at least {needed_s:g},'
+                ' which the next sortie takes at worst'
+            )
+        return None
+
     # --- the sortie ------------------------------------------------------------------------------
+
+    def _plan_anew(self, sortie: _Sortie) -> None:
+        """Plan a sortie again that has not departed."""
+        self._sortie, self._is_changed = None, True
+        plan = self._plan_sortie(sortie.fleet, overlooked=frozenset())
+        self._sortie = replace(plan, number=sortie.number) if plan is not None else None
 
     def _plan_sortie(self, fleet: Fleet, overlooked: frozenset[str]) -> _Sortie | None:
         """Return the sortie after the present one; None where nobody is left to be met."""
@@ -371,7 +438,7 @@ class UavAgent:
             return []
         output: list[Output] = []
         if sortie.departed_s is None:
-            if is_before(self._now_s, sortie.plan.depart_s):
+            if is_before(self._now_s, sortie.plan.depart_s) or not self._may_depart:
                 return []
             output += self._depart(sortie)
         output += self._advance(sortie, position)
@@ -619,9 +686,12 @@ class UavAgent:
     def _may_meet(self, sortie: _Sortie, auv: str) -> bool:
         """Return whether an AUV that is heard is met now."""
         if not self._planner.guarantees_limit:
-            return auv == sortie.turn or auv in sortie.fleet.lost
+            is_turn = auv == sortie.turn or auv in sortie.fleet.lost
+            return is_turn and (sortie.departed_s is not None or self._may_depart)
         if sortie.departed_s is not None:
             return True
+        if not self._may_depart:
+            return False
         # To meet it at C3 starts the sortie: only if what remains then still keeps L.
         return not is_before(sortie.mission.sortie_limit_s, self._worst_case_s(sortie, (auv,)))
 

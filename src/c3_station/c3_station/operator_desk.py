@@ -1,0 +1,136 @@
+"""
+What the operator wants, command by command, as one directive that the UAV is to fly by.
+
+C3 repeats the directive until the UAV has taken it, which may be a sortie later. What the UAV
+refuses is taken back: only the time limit and the region can be that.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import msgspec
+from msgspec.structs import replace
+
+from msgs_json.messages import (
+    Abort,
+    ChangeLimit,
+    ChangeRegion,
+    Directive,
+    EndMission,
+    OperatorCommand,
+    Pause,
+    Recall,
+    Reset,
+    Resume,
+)
+
+if TYPE_CHECKING:
+    from c3_station.scenario import Scenario
+    from msgs_json.geometry import Cell
+    from msgs_json.messages import DirectiveRefused
+
+OPERATOR = 'operator'
+"""Who signs commands; no agent can be called so."""
+
+
+class DeskMemory(msgspec.Struct, frozen=True, kw_only=True):
+    """All that an `OperatorDesk` knows."""
+
+    wanted: Directive
+    taken: Directive
+
+
+class OperatorDesk:
+    """
+    Keeps what the operator wants, and what of it the UAV has taken.
+
+    Parameters
+    ----------
+    scenario
+        The mission as it was ordered.
+    memory
+        What a desk before this one knew; None for one whose operator wants what was ordered.
+
+    """
+
+    def __init__(self, scenario: Scenario, memory: DeskMemory | None = None) -> None:
+        self._auvs = tuple(auv.name for auv in scenario.auvs)
+        self._masked = scenario.region.masked
+        ordered = Directive(
+            revision=0,
+            paused=False,
+            aborted=False,
+            recalled=(),
+            sortie_limit_s=scenario.sortie.limit_s,
+            masked=self._masked,
+        )
+        self.wanted = memory.wanted if memory else ordered
+        self.taken = memory.taken if memory else ordered
+        """The one by which the UAV flies, as far as it has said so."""
+
+    def memory(self) -> DeskMemory:
+        """Return what to make another one from."""
+        return DeskMemory(wanted=self.wanted, taken=self.taken)
+
+    @property
+    def is_settled(self) -> bool:
+        """Return whether the UAV flies as the operator wants."""
+        return self.wanted.revision == self.taken.revision
+
+    @property
+    def is_all_recalled(self) -> bool:
+        """Return whether every AUV is to come back."""
+        return len(self.wanted.recalled) == len(self._auvs)
+
+    @property
+    def taken_out(self) -> frozenset[Cell]:
+        """Return the cells that the operator has taken out of the region."""
+        return frozenset(self.wanted.masked) - frozenset(self._masked)
+
+    def take(self, command: OperatorCommand) -> str | None:
+        """Take a command; return why not, or None."""
+        wanted, auvs = self.wanted, self._auvs
+        match command:
+            case Recall(auvs=named):
+                unknown = {*named} - {*auvs}
+                if unknown:
+                    return f'{", ".join(sorted(unknown))}: no such AUV; allowed: {", ".join(auvs)}'
+                recalled = {*wanted.recalled, *(named or auvs)}
+                wanted = replace(wanted, recalled=tuple(sorted(recalled)))
+            case EndMission():
+                wanted = replace(wanted, recalled=tuple(sorted(auvs)), paused=False)
+            case Pause():
+                wanted = replace(wanted, paused=True)
+            case Resume():
+                if wanted.aborted:
+                    return 'the mission is aborted, and stays so until a reset'
+                wanted = replace(wanted, paused=False)
+            case Abort():
+                wanted = replace(wanted, aborted=True)
+            case Reset():
+                wanted = replace(wanted, aborted=False)
+            case ChangeLimit(sortie_limit_s=limit_s):
+                wanted = replace(wanted, sortie_limit_s=limit_s)
+            case ChangeRegion(masked=masked):
+                wanted = replace(wanted, masked=tuple(sorted({*self._masked, *masked})))
+        if wanted != self.wanted:
+            self.wanted = replace(wanted, revision=wanted.revision + 1)
+        return None
+
+    def acknowledged(self, revision: int) -> None:
+        """Note that the UAV flies by a directive; of one that is out of date it says nothing."""
+        if revision == self.wanted.revision:
+            self.taken = self.wanted
+
+    def refused(self, refusal: DirectiveRefused) -> bool:
+        """Take back what the UAV cannot fly by; return whether it was still wanted."""
+        if refusal.revision != self.wanted.revision or self.is_settled:
+            return False
+        self.wanted = replace(
+            self.wanted,
+            revision=self.wanted.revision + 1,
+            sortie_limit_s=self.taken.sortie_limit_s,
+            masked=self.taken.masked,
+        )
+        return True
