@@ -33,10 +33,11 @@ def fleet_of(planner: OneStep, **changes: object) -> Fleet:
 
 
 def met(fleet: Fleet, heard: SurfacingReport, now_s: float = 0.0) -> Leg | None:
-    """Let an AUV be met; return the leg that it is given."""
+    """Let an AUV be met and told what comes next; return the leg that it is given."""
     fleet.heard(heard)
     assert fleet.problem_with(heard) is None
     fleet.meet(heard, (), heard.position, now_s)
+    fleet.answer(heard.auv, now_s)
     return fleet.next_leg(heard.auv)
 
 
@@ -75,11 +76,29 @@ def test_legs_are_told_with_the_waypoints_from_which_they_are_searched() -> None
     ]
 
 
-def test_custody_of_a_legs_samples_is_taken_once() -> None:
+def test_one_that_is_to_be_recovered_surveys_until_it_is_told() -> None:
     fleet = fleet_of(OneStep())
-    heard = report('auv_1')
-    assert fleet.meet(heard, (), heard.position, 0.0).samples == heard.samples
-    assert fleet.meet(heard, (), heard.position, 1.0).samples == ()
+    heard = report('auv_1', outcome=LegOutcome.ABORTED)
+    assert fleet.meet(heard, (), heard.position, 0.0).plan is None
+    assert fleet.next_leg('auv_1') is not None
+    assert [leg.auv for leg in fleet.survey_legs()] == ['auv_1', 'auv_2']
+    assert len(fleet.answer('auv_1', 1.0)) == 1
+    assert fleet.next_leg('auv_1') is None
+    assert [leg.auv for leg in fleet.survey_legs()] == ['auv_2']
+
+
+@pytest.mark.parametrize(
+    ('handover_s', 'data_s'), [(0.0, HAND_OVER_TICKS * SETUP.tick_s / 2), (20.0, 10.0)]
+)
+def test_half_of_the_time_of_a_hand_over_is_for_data(handover_s: float, data_s: float) -> None:
+    fleet = fleet_of(OneStep(), handover_s=handover_s)
+    assert not fleet.is_time_for_data('auv_1', 3.0)  # before it is met
+    met(fleet, report('auv_1'), now_s=3.0)
+    assert not fleet.is_time_for_data('auv_2', 3.0)
+    assert fleet.is_time_for_data('auv_1', 2.9 + data_s)
+    assert not fleet.is_time_for_data('auv_1', 3.0 + data_s)
+    fleet.acknowledged('auv_1', taken(Acknowledged.PATH_ASSIGNMENT, 1))
+    assert not fleet.is_time_for_data('auv_1', 3.0)
 
 
 @pytest.mark.parametrize(
@@ -99,12 +118,12 @@ def test_an_answer_is_awaited_for_a_while(handover_s: float, patience_s: float) 
 def test_nothing_is_said_again_to_one_that_has_answered() -> None:
     fleet = fleet_of(OneStep())
     heard = report('auv_1')
-    assert fleet.answer(heard, 0.0) == []  # nor before it was met
+    assert fleet.answer('auv_1', 0.0) == []  # nor before it was met
     met(fleet, heard)
-    (_, assignment) = said(fleet.answer(heard, 7.0), 'auv_1')
+    (assignment,) = said(fleet.answer('auv_1', 7.0), 'auv_1')
     assert assignment == PathAssignment(auv='auv_1', leg=fleet.next_leg('auv_1'))  # type: ignore[arg-type]
     fleet.acknowledged('auv_1', taken(Acknowledged.PATH_ASSIGNMENT, 1))
-    assert fleet.answer(heard, 8.0) == []
+    assert fleet.answer('auv_1', 8.0) == []
 
 
 @pytest.mark.parametrize('cell', [(1, 0), (50, 50)])

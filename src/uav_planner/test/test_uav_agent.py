@@ -1,7 +1,7 @@
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import replace
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, field, replace
 
 import hypothesis.strategies as st
 import msgspec
@@ -19,6 +19,7 @@ from uav_bench import (
     of,
     order,
     path_handed_over,
+    receipt,
     refused,
     report,
     said,
@@ -39,12 +40,13 @@ from msgs_json.messages import (
     PathAssignment,
     RecoveryOrder,
     RecoveryReason,
-    RelayedSample,
     Sample,
+    SampleBatch,
+    SampleReceipt,
+    SampleSpan,
     SortieDeparted,
     SortieReport,
     SortieReturned,
-    SurfacingReport,
 )
 from msgs_json.ros_messages import TrackPath
 from msgs_json.topics import ODOM, ROUTE
@@ -340,7 +342,7 @@ def test_an_auv_that_never_got_its_path_gets_the_same_one_in_the_next_sortie() -
     assert len(planner.requests) == 1
     # And its samples, which the UAV has since the first meeting, are not relayed twice.
     (_, second) = reports_after(bench, acknowledges=True)
-    assert second.samples == ()
+    assert second.cargo == (SampleSpan(auv='auv_1', first=0, until=2),)
     assert bench.meet('auv_1', 1, acknowledges=False) != []
 
 
@@ -389,7 +391,7 @@ def test_a_late_copy_of_an_older_report_is_not_answered() -> None:
         (Acknowledged.PATH_ASSIGNMENT, 2),
         (Acknowledged.RECOVERY_ORDER, 0),
         (Acknowledged.RECOVERY_ORDER, 1),
-        (Acknowledged.SURFACING_REPORT, 1),
+        (Acknowledged.DIRECTIVE, 1),
         (Acknowledged.SORTIE_REPORT, 1),
     ],
 )
@@ -418,9 +420,13 @@ def test_nobody_can_answer_for_another() -> None:
         {'moves_done': 2},
         {'moves_done': 0},
         {'cell': (3, 0)},
-        {'samples': (Sample(number=0, cell=(6, 0), entered_s=0.0, value=1.0),)},
+        {'samples': (Sample(auv='auv_1', number=0, cell=(6, 0), entered_s=0.0, value=1.0),)},
+        {'samples': report('auv_2').samples},
     ],
-    ids=['other_leg', 'too_many_moves', 'cell_not_reached', 'cell_off_the_path', 'alien_sample'],
+    ids=[
+        *('other_leg', 'too_many_moves', 'cell_not_reached', 'cell_off_the_path'),
+        *('sample_off_the_region', 'sample_of_another'),
+    ],
 )
 def test_a_report_that_contradicts_the_leg_is_refused_and_nothing_taken(
     changes: dict[str, object],
@@ -514,7 +520,7 @@ def test_a_sortie_that_ends_at_c3_with_its_last_search_takes_no_step_more(is_hea
 
 
 def test_back_at_c3_it_reports_everything_until_that_is_acknowledged() -> None:
-    bench = Bench().ordered()
+    bench = Bench().ordered(surface_margin_s=100.0)  # the next sortie has time
     bench.until(SortieDeparted)
     departed_s = bench.now_s - 1.0
     bench.tick(3)
@@ -528,32 +534,39 @@ def test_back_at_c3_it_reports_everything_until_that_is_acknowledged() -> None:
         ('auv_2', met_s, (5, 0), 0),
     ]
     assert [meeting.next_leg and meeting.next_leg.leg_id for meeting in found.meetings] == [1, 1]
-    assert found.samples == tuple(
-        RelayedSample(auv=auv, sample=sample) for auv in PATHS for sample in report(auv).samples
-    )
-    assert said(bench.tick(), 'c3') == [found]
+    samples = tuple(sample for auv in PATHS for sample in report(auv).samples)
+    assert found.cargo == tuple(SampleSpan(auv=auv, first=0, until=2) for auv in PATHS)
+    assert said(bench.tick(), 'c3') == [found, SampleBatch(samples=samples)]
     bench.hear('c3', taken(Acknowledged.SORTIE_REPORT, 2))
-    assert said(bench.tick(), 'c3') == [found]
+    assert said(bench.tick(), 'c3') == [found, SampleBatch(samples=samples)]
+    assert bench.hear('c3', receipt(samples[1:])) == [  # one of them was lost on the way
+        Transmit('c3', found)
+    ]
+    assert said(bench.tick(), 'c3') == [found, SampleBatch(samples=samples[:1])]
     assert bench.hear('c3', taken(Acknowledged.SORTIE_REPORT, 1)) == []
+    assert said(bench.tick(), 'c3') == [SampleBatch(samples=samples[:1])]
+    assert bench.hear('c3', receipt(samples)) == []
     assert said(bench.tick(), 'c3') == []
 
 
 def test_reports_that_c3_missed_are_delivered_in_order_later() -> None:
-    bench = Bench().ordered()
+    bench = Bench().ordered(surface_margin_s=100.0)
     bench.meet('auv_1')
     bench.until(SortieReturned)  # c3 hears nothing
     bench.meet('auv_1', 1)
     bench.until(SortieReturned)
-    (first,) = said(bench.tick(), 'c3')
+    (first, batch) = said(bench.tick(), 'c3')
     assert isinstance(first, SortieReport)
     assert first.sortie == 1
+    assert isinstance(batch, SampleBatch)
+    assert [sample.number for sample in batch.samples] == [0, 1, 2]
     (second,) = said(bench.hear('c3', taken(Acknowledged.SORTIE_REPORT, 1)), 'c3')
     assert isinstance(second, SortieReport)
     assert second.sortie == 2
-    numbers = [[relayed.sample.number for relayed in each.samples] for each in (first, second)]
-    assert numbers == [[0, 1], [2]]
+    assert [(span.first, span.until) for span in first.cargo] == [(0, 2)]
+    assert [(span.first, span.until) for span in second.cargo] == [(0, 3)]
     bench.hear('c3', taken(Acknowledged.SORTIE_REPORT, 1))  # a late copy
-    assert said(bench.tick(), 'c3') == [second]
+    assert said(bench.tick(), 'c3') == [second, batch]
 
 
 def test_only_c3_acknowledges_reports() -> None:
@@ -561,7 +574,26 @@ def test_only_c3_acknowledges_reports() -> None:
     bench.meet('auv_1')
     (found,) = reports_after(bench, acknowledges=False)
     bench.hear('auv_1', taken(Acknowledged.SORTIE_REPORT, 1))
-    assert said(bench.tick(), 'c3') == [found]
+    assert said(bench.tick(), 'c3')[0] == found
+
+
+def test_in_the_air_it_says_its_report_but_no_samples() -> None:
+    bench = Bench().ordered()
+    bench.meet('auv_1')
+    bench.until(SortieReturned)
+    (found,) = said(bench.tick(), 'c3')  # it is on its way again
+    assert isinstance(found, SortieReport)
+    assert bench.hear('c3', receipt(report('auv_1').samples[:1])) == [Transmit('c3', found)]
+
+
+@pytest.mark.parametrize('src', ['auv_1', 'auv_2'])
+def test_only_c3_relieves_it_of_samples(src: str) -> None:
+    bench = Bench().ordered(surface_margin_s=100.0)
+    bench.meet('auv_1')
+    bench.until(SortieReturned)
+    output = bench.hear(src, receipt(report('auv_1').samples))
+    assert refused(output) == (src, Refusal.UNEXPECTED)
+    assert said(bench.tick(), 'c3')[1:] == [SampleBatch(samples=report('auv_1').samples)]
 
 
 # --- the end -------------------------------------------------------------------------------------
@@ -583,7 +615,7 @@ RECOVERY = RecoveryOrder(auv='auv_1', leg_id=0, reason=RecoveryReason.EXPLORED)
 def test_when_all_is_explored_the_auv_is_told_to_stay_up() -> None:
     bench = small_mission()
     output = bench.hear('auv_1', LAST_REPORT)
-    assert said(output, 'auv_1') == [taken(Acknowledged.SURFACING_REPORT, 0), RECOVERY]
+    assert said(output, 'auv_1') == [SampleReceipt(held=(), at_c3=()), RECOVERY]
     (met,) = of(Met, events(output))
     assert (met.path, met.slack_s, met.plan_status) == ((), None, None)  # type: ignore[attr-defined]
 
@@ -627,46 +659,85 @@ odd = st.tuples(honest, cells, few).map(
 words = st.one_of(
     honest,
     odd,
+    honest.map(lambda each: SampleBatch(samples=each.samples)),
     st.builds(Acknowledgement, acknowledges=st.sampled_from(Acknowledged), reference=few),
     st.just(order()),
     st.builds(RecoveryOrder, auv=peers, leg_id=few, reason=st.just(RecoveryReason.EXPLORED)),
 )
 heard = st.one_of(honest.map(lambda each: (each.auv, each)), st.tuples(peers, words))
+incidents = st.sampled_from(['c3 confirms', 'crash'])
+
+Key = tuple[str, int]
+"""The name of an AUV and the number of its sample."""
+
+
+def keys(spans: Iterable[SampleSpan]) -> set[Key]:
+    return {(span.auv, number) for span in spans for number in range(span.first, span.until)}
+
+
+@dataclass(slots=True)
+class Custody:
+    """What becomes of samples, from what the UAV says."""
+
+    held: set[Key] = field(default_factory=set)
+    """The UAV has said that it has them."""
+    brought: dict[Key, Sample] = field(default_factory=dict)
+    """It has said them to C3."""
+    at_c3: set[Key] = field(default_factory=set)
+    """C3 has said that it has them."""
+    reports: list[SortieReport] = field(default_factory=list)
+
+    def note(self, output: list[Output]) -> None:
+        for each in output:
+            match each:
+                case Transmit(dst, SampleReceipt() as receipt):
+                    named = keys(receipt.held) | keys(receipt.at_c3)
+                    assert {auv for auv, _ in named} <= {dst}
+                    assert keys(receipt.at_c3) <= self.at_c3
+                    assert {key for key in self.held if key[0] == dst} <= named  # for ever
+                    self.held |= named
+                case Transmit('c3', SampleBatch(samples=samples)):
+                    found = {(sample.auv, sample.number): sample for sample in samples}
+                    assert not found.keys() & self.at_c3
+                    self.brought |= found
+                case Transmit('c3', SortieReport() as found):
+                    if found.sortie == len(self.reports) + 1:
+                        self.reports.append(found)
+
+    def confirmed(self) -> SampleReceipt:
+        """Return C3's word that it has all that was brought."""
+        self.at_c3 |= self.brought.keys()
+        return receipt(self.brought.values())
 
 
 @given(
-    st.lists(st.integers(1, 20) | heard, max_size=40), st.booleans(), st.sampled_from([1, 2, 9])
+    st.lists(st.integers(1, 20) | incidents | heard, max_size=40),
+    st.booleans(),
+    st.sampled_from([1, 2, 9]),
 )
 @settings(max_examples=200)
-def test_whatever_it_hears_what_it_took_custody_of_reaches_c3_once(
-    inputs: list[int | tuple[str, Message]], guarantees_limit: bool, lost_after_sorties: int
+def test_whatever_it_hears_what_it_took_custody_of_reaches_c3(
+    inputs: list[int | str | tuple[str, Message]], guarantees_limit: bool, lost_after_sorties: int
 ) -> None:
     planner = OneStep(guarantees_limit=guarantees_limit)
     bench = Bench(planner).ordered(lost_after_sorties=lost_after_sorties)
-    reported: dict[str, SurfacingReport] = {}
-    in_custody: set[tuple[str, int]] = set()
-    delivered: list[SortieReport] = []
-
-    def note(output: list[Output]) -> None:
-        for body in said(output, 'c3'):
-            if isinstance(body, SortieReport) and body.sortie == len(delivered) + 1:
-                delivered.append(body)
-        for auv in PATHS:
-            if said(output, auv):  # nothing is said to an AUV without confirming custody
-                in_custody.update((auv, sample.number) for sample in reported[auv].samples)
-
+    custody = Custody()
     for step in inputs:
         match step:
             case int(seconds):
-                note(bench.tick(seconds))
+                custody.note(bench.tick(seconds))
+            case 'crash':
+                bench.restart()
+            case 'c3 confirms':
+                custody.note(bench.hear('c3', custody.confirmed()))
             case (src, message):
-                if isinstance(message, SurfacingReport) and message.auv == src:
-                    reported[src] = message
-                note(bench.hear(src, message))
+                custody.note(bench.hear(src, message))
     # Then it gets home, to a C3 that hears and acknowledges everything.
     for _ in range(150):
-        note(bench.tick())
-        note(bench.hear('c3', taken(Acknowledged.SORTIE_REPORT, len(delivered))))
-    relayed = [(each.auv, each.sample.number) for found in delivered for each in found.samples]
-    assert set(relayed) == in_custody
-    assert [found.sortie for found in delivered] == list(range(1, len(delivered) + 1))
+        custody.note(bench.tick())
+        sortie = len(custody.reports)
+        custody.note(bench.hear('c3', taken(Acknowledged.SORTIE_REPORT, sortie)))
+        custody.note(bench.hear('c3', custody.confirmed()))
+    assert custody.held <= custody.at_c3
+    assert [found.sortie for found in custody.reports] == list(range(1, sortie + 1))
+    assert set().union(*(keys(found.cargo) for found in custody.reports)) <= custody.at_c3

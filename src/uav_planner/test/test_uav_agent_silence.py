@@ -18,17 +18,14 @@ from uav_bench import (
     of,
     order,
     path_handed_over,
-    report,
     said,
     stamps_of,
-    taken,
     vehicle,
 )
 from uav_sea import Sea
 
 from msgs_json.geometry import GridSpec, Point
 from msgs_json.messages import (
-    Acknowledged,
     GivenUp,
     HeardAgain,
     LegOutcome,
@@ -36,6 +33,8 @@ from msgs_json.messages import (
     Missed,
     RecoveryOrder,
     RecoveryReason,
+    SampleReceipt,
+    SampleSpan,
     SearchBrokenOff,
     SortieDeparted,
 )
@@ -175,8 +174,7 @@ def test_a_lost_auv_that_is_heard_again_is_welcomed_back(guarantees_limit: bool)
     _, delivered = bench.home()
     assert [meeting.auv for meeting in delivered.meetings] == ['auv_1', 'auv_2']
     assert (delivered.missed, delivered.not_reached, delivered.lost) == ((), (), ())
-    relayed = [each.sample for each in delivered.samples if each.auv == 'auv_1']
-    assert tuple(relayed) == report('auv_1').samples
+    assert delivered.cargo[0] == SampleSpan(auv='auv_1', first=0, until=2)
     output, third = bench.home(auv_1=1, auv_2=2)
     assert of(HeardAgain, events(output)) == []
     assert [meeting.auv for meeting in third.meetings] == ['auv_1', 'auv_2']
@@ -250,7 +248,7 @@ def test_a_lost_auv_that_had_never_got_its_path_gets_another_one(guarantees_limi
     assert planner.requests[-1].values[0, 3] == 1.0
     bench.meet('auv_2', 2)
     _, delivered = bench.home()
-    assert [each.auv for each in delivered.samples] == ['auv_2']  # its own are at C3 already
+    assert [span.auv for span in delivered.cargo] == ['auv_2']  # its own are at C3 already
     _, fourth = bench.home(auv_1=1, auv_2=3)
     assert [meeting.ended_leg_id for meeting in fourth.meetings] == [1, 3]
 
@@ -265,8 +263,7 @@ def test_a_lost_auv_whose_answer_was_lost_is_met_on_its_next_leg(guarantees_limi
     assert planner.requests[-1].values[0, 3] == 0.5
     bench.meet('auv_2', 2)
     _, delivered = bench.home()
-    relayed = [each.sample for each in delivered.samples if each.auv == 'auv_1']
-    assert tuple(relayed) == report('auv_1', 1).samples
+    assert delivered.cargo[0] == SampleSpan(auv='auv_1', first=2, until=3)
 
 
 # --- in distress ---------------------------------------------------------------------------------
@@ -283,7 +280,7 @@ def test_one_that_asks_for_help_stays_up_and_its_cells_go_to_the_others(
     bench.until(SortieDeparted)
     output = bench.meet('auv_1', **ABORTED)
     assert said(output, 'auv_1') == [
-        taken(Acknowledged.SURFACING_REPORT, 0),
+        SampleReceipt(held=(), at_c3=()),
         recovery(RecoveryReason.ABORTED),
     ]
     bench.meet('auv_2')

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import replace
 
 import msgspec
@@ -9,6 +10,7 @@ import pytest
 
 from msgs_json.agent import Log, Output, Publish, Refuse, Transmit
 from msgs_json.codec import Refusal
+from msgs_json.custody import SampleCustody
 from msgs_json.drivers import NoPorts, UavDriver, UavDriverSetup
 from msgs_json.geometry import Cell, GridSpec, Point
 from msgs_json.messages import (
@@ -23,12 +25,16 @@ from msgs_json.messages import (
     PathAssignment,
     RecoveryOrder,
     Sample,
+    SampleBatch,
+    SampleReceipt,
+    SampleSpan,
     SortieDeparted,
     SortieReport,
     SortieReturned,
     SurfacingReport,
 )
 from msgs_json.ros_messages import Odometry
+from msgs_json.store import MemoryStore
 from msgs_json.straight_motion import STILL, Flow
 from uav_planner.drivers.kinematic import make_driver
 from uav_planner.mission_order import UavSetup
@@ -50,6 +56,9 @@ C3 = Point(east_m=0.0, north_m=0.0)
 SETUP = UavSetup(c3='c3', speed_mps=5.0, altitude_m=30.0, tick_s=1.0, arrival_radius_m=0.0)
 PATHS: dict[str, tuple[Cell, ...]] = {'auv_1': ((1, 0), (2, 0)), 'auv_2': ((4, 0), (5, 0))}
 
+
+FRAME_BYTES = 1_048_576
+"""All samples of a test fit into a frame of that length."""
 
 BOTH_KINDS = pytest.mark.parametrize(
     'guarantees_limit', [False, True], ids=['as_in_the_paper', 'with_a_guarantee']
@@ -83,18 +92,32 @@ class OneStep(Planner):
 
 
 class Bench:
-    """A UAV in the air, driven second by second."""
+    """A UAV in the air, driven second by second; its store is written after each input."""
 
     def __init__(
         self,
         planner: Planner | None = None,
         driver: UavDriver | None = None,
         setup: UavSetup = SETUP,
+        frame_bytes: int = FRAME_BYTES,
     ) -> None:
         self.planner = planner or OneStep()
-        self.agent = UavAgent('uav', setup, self.planner, driver or vehicle())
         self.now_s = -1.0
         self.here = C3
+        self.store = MemoryStore()
+        self._driver = driver or vehicle()
+        self._setup = setup
+        self._frame_bytes = frame_bytes
+        self.agent = self._begin()
+
+    def restart(self) -> None:
+        """Throw the agent away; what it has not stored is lost. Its vehicle flies on."""
+        self.store = self.store.reopened()
+        self.agent = self._begin()
+
+    def _begin(self) -> UavAgent:
+        custody = SampleCustody(self.store, self._frame_bytes, response_s=0.0)
+        return UavAgent('uav', self._setup, self.planner, self._driver, self.store, custody)
 
     def tick(self, seconds: int = 1) -> list[Output]:
         """Let time pass; return all that came of it."""
@@ -102,6 +125,7 @@ class Bench:
         for _ in range(seconds):
             self.now_s += 1.0
             shown = self.agent.tick(self.now_s)
+            self.store.commit()
             for each in shown:
                 if isinstance(each, Publish) and isinstance(each.message, Odometry):
                     self.here = each.message.position
@@ -131,11 +155,23 @@ class Bench:
             if of(SortieReturned, events(output)):
                 break
         (delivered,) = (body for body in said(output, 'c3') if isinstance(body, SortieReport))
-        output += self.hear('c3', taken(Acknowledged.SORTIE_REPORT, delivered.sortie))
-        return output, delivered
+        return [*output, *self.deliver(output)], delivered
+
+    def deliver(self, output: list[Output]) -> list[Output]:
+        """Let C3 take what is said to it; return what came of that."""
+        answers: list[Output] = []
+        for body in said(output, 'c3'):
+            match body:
+                case SortieReport(sortie=sortie):
+                    answers += self.hear('c3', taken(Acknowledged.SORTIE_REPORT, sortie))
+                case SampleBatch(samples=samples):
+                    answers += self.hear('c3', receipt(samples))
+        return answers
 
     def hear(self, src: str, message: Message) -> list[Output]:
-        return self.agent.receive(src, message, self.now_s)
+        output = self.agent.receive(src, message, self.now_s)
+        self.store.commit()
+        return output
 
     def ordered(self, **changes: object) -> Bench:
         self.tick()
@@ -200,10 +236,14 @@ def cells_of(auv: str, leg_id: int) -> tuple[Cell, Cell]:
 
 
 def report(auv: str, leg_id: int = 0, **changes: object) -> SurfacingReport:
-    """Return an honest report of a leg that was completed."""
+    """Return an honest report of a leg that was completed, with the samples of that leg."""
     path = cells_of(auv, leg_id)
     entered = path if leg_id == 0 else path[1:]
     first = 0 if leg_id == 0 else leg_id + 1
+    samples = tuple(
+        Sample(auv=auv, number=number, cell=cell, entered_s=0.0, value=1.0)
+        for number, cell in enumerate(entered, first)
+    )
     base = SurfacingReport(
         auv=auv,
         leg_id=leg_id,
@@ -212,16 +252,26 @@ def report(auv: str, leg_id: int = 0, **changes: object) -> SurfacingReport:
         cell=path[-1],
         position=REGION.centre(path[-1]),
         surfaced_s=10.0,
-        samples=tuple(
-            Sample(number=number, cell=cell, entered_s=0.0, value=1.0)
-            for number, cell in enumerate(entered, first)
-        ),
+        samples_taken=first + len(entered),
+        samples=samples,
     )
+    if changes.get('samples') == ():
+        changes['samples_taken'] = 0
     return msgspec.structs.replace(base, **changes)
 
 
 def taken(what: Acknowledged, reference: int) -> Acknowledgement:
     return Acknowledgement(acknowledges=what, reference=reference)
+
+
+def receipt(samples: Iterable[Sample]) -> SampleReceipt:
+    """Return C3's word that it has samples."""
+    return SampleReceipt(
+        held=(),
+        at_c3=tuple(
+            SampleSpan(auv=each.auv, first=each.number, until=each.number + 1) for each in samples
+        ),
+    )
 
 
 def said(output: list[Output], dst: str) -> list[Message]:
@@ -254,8 +304,8 @@ def refused(output: list[Output]) -> tuple[str, Refusal]:
 
 
 def path_handed_over(output: list[Output], auv: str) -> Leg:
-    custody, assignment = said(output, auv)
-    assert custody == taken(Acknowledged.SURFACING_REPORT, custody.reference)  # type: ignore[attr-defined]
+    receipt, assignment = said(output, auv)
+    assert isinstance(receipt, SampleReceipt)
     assert isinstance(assignment, PathAssignment)
     assert assignment.auv == auv
     return assignment.leg

@@ -53,6 +53,7 @@ class Diver:
             cell=self._leg.path[self._moves_done],
             position=self.position,
             surfaced_s=self._surfaces_s,
+            samples_taken=len(self.samples),
             samples=tuple(self.samples),
         )
 
@@ -86,7 +87,9 @@ class Diver:
 
     def _sample(self, cell: tuple[int, int]) -> None:
         number = len(self.samples)
-        self.samples.append(Sample(number=number, cell=cell, entered_s=0.0, value=1.0))
+        self.samples.append(
+            Sample(auv=self.name, number=number, cell=cell, entered_s=0.0, value=1.0)
+        )
 
 
 class Sea:
@@ -127,11 +130,8 @@ class Sea:
             report = diver.report(bench.now_s)
             if report is not None and self._is_in_range(diver) and self._gets_through():
                 output += self._carry(bench.hear(diver.name, report))
-        for body in said(output, 'c3'):
-            if isinstance(body, SortieReport):
-                self.reports.append(body)
-                output += bench.hear('c3', taken(Acknowledged.SORTIE_REPORT, body.sortie))
-        return output
+        self.reports += [body for body in said(output, 'c3') if isinstance(body, SortieReport)]
+        return [*output, *bench.deliver(output)]
 
     def _carry(self, output: list[Output]) -> list[Output]:
         """Carry what the UAV says to the AUVs, and their answers back."""
