@@ -116,6 +116,26 @@ def stamp_ns(ros_type: str, cdr: bytes) -> int | None:
     return None if seconds < 0 else int(seconds * NANOSECONDS + fraction)
 
 
+class LogTimes:
+    """
+    The log times of a mission's messages.
+
+    A message without a stamp (what the radio delivers may be damaged) has that of the one before
+    it on its topic: between topics there is no order.
+    """
+
+    def __init__(self) -> None:
+        self._latest_ns: dict[str, int] = {}
+
+    def log_time_ns(self, topic: str, ros_type: str, cdr: bytes) -> int:
+        """Return the log time of the next message on a topic, in nanoseconds."""
+        stamp = stamp_ns(ros_type, cdr)
+        if stamp is None:
+            return self._latest_ns.get(topic, 0)
+        self._latest_ns[topic] = stamp
+        return stamp
+
+
 def source_of(cdr: bytes) -> str:
     """Return who sent a JSON envelope, as it claims; empty where it says nothing of the kind."""
     try:

@@ -7,7 +7,7 @@ from contextlib import ExitStack
 from threading import Event as Pause
 from time import monotonic
 
-from c3_station.bag import BagFacts, BagWriter, stamp_ns
+from c3_station.bag import BagFacts, BagWriter, LogTimes
 from c3_station.flight import Flight
 from c3_station.in_process import fly, in_memory
 from c3_station.mission_monitor import MissionMonitor
@@ -16,7 +16,7 @@ from c3_station.run_folder import RunFolder
 from c3_station.scenario import Scenario
 from msgs_json.agent_shell import Frame
 from msgs_json.key_file import read_key
-from msgs_json.ros_messages import ClockTime, nanoseconds, to_cdr
+from msgs_json.ros_messages import ClockTime, to_cdr
 from msgs_json.topics import MISSION_EVENTS
 
 _LOOK_EVERY_S = 0.1
@@ -67,6 +67,7 @@ class _Sink:
     ) -> None:
         self._monitor = monitor
         self._writer = writer
+        self._log_times = LogTimes()
         self._rate = rate
         self._refresh = refresh
         self._due_s = monotonic()
@@ -85,10 +86,8 @@ class _Sink:
             self._refresh()
         if self._writer is not None:
             cdr = to_cdr(message)
-            stamp = stamp_ns(frame.topic.ros_type, cdr)
-            if stamp is None:
-                stamp = nanoseconds(self._monitor.now_s)
-            self._writer.write(topic, cdr, stamp)
+            time_ns = self._log_times.log_time_ns(topic, frame.topic.ros_type, cdr)
+            self._writer.write(topic, cdr, time_ns)
 
     def _keep_pace(self, time_s: float) -> None:
         if self._rate == 0:

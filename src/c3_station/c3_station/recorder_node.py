@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from functools import partial
 from pathlib import Path
 
-from c3_station.bag import BagError, BagFacts, BagWriter, source_of, stamp_ns
+from c3_station.bag import BagError, BagFacts, BagWriter, LogTimes, source_of
 from c3_station.node_params import C3, UAV
 from c3_station.recorded_topics import RecordedTopic, mission_topics
 from c3_station.recorder_params import RecorderParams
@@ -53,8 +53,7 @@ class RecorderNode(HostedNode):
         self._arrived: list[tuple[RecordedTopic, bytes]] = []
         self._has_failed = False
         """Nothing more can be written; the first failure is the cause of any other."""
-        self._latest_ns = 0
-        """Log time for a message without a stamp."""
+        self._log_times = LogTimes()
         self._first_tick: tuple[int, Tick] | None = None
         self._last_tick: tuple[int, Tick] | None = None
         """With the steady time at which it came."""
@@ -110,9 +109,9 @@ class RecorderNode(HostedNode):
             return
         try:
             for recorded, cdr in arrived:
-                stamp = stamp_ns(recorded.topic.ros_type, cdr)
-                self._latest_ns = self._latest_ns if stamp is None else stamp
-                self._bag.write(recorded.name, cdr, self._latest_ns)
+                ros_type = recorded.topic.ros_type
+                time_ns = self._log_times.log_time_ns(recorded.name, ros_type, cdr)
+                self._bag.write(recorded.name, cdr, time_ns)
         except BagError as error:
             self._fail(error)
 

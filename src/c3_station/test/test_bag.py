@@ -21,7 +21,15 @@ from mcap_ros2.decoder import DecoderFactory
 from rosbags.rosbag2 import Reader
 from rosbags.typesys import Stores, get_typestore
 
-from c3_station.bag import BagError, BagFacts, BagReader, BagWriter, recover_bag, stamp_ns
+from c3_station.bag import (
+    BagError,
+    BagFacts,
+    BagReader,
+    BagWriter,
+    LogTimes,
+    recover_bag,
+    stamp_ns,
+)
 from c3_station.in_process import fly
 from c3_station.recorded_topics import RecordedTopic, mission_topics
 from c3_station.scenario import Scenario
@@ -259,6 +267,22 @@ def test_every_recorded_type_has_a_stamp() -> None:
 def test_bytes_that_are_no_message_have_no_stamp_or_some_time(ros_type: str, cdr: bytes) -> None:
     stamp = stamp_ns(ros_type, cdr)
     assert stamp is None or stamp >= 0
+
+
+def test_a_message_without_a_stamp_has_the_log_time_of_the_one_before_it_on_its_topic() -> None:
+    def text(data: bytes) -> bytes:
+        return to_cdr(Text(data))
+
+    times = LogTimes()
+    said = [
+        ('/auv_1/radio/rx', text(b'{"stamp":12.5}'), 12_500_000_000),
+        ('/auv_2/radio/rx', text(b'{"stamp":20}'), 20_000_000_000),
+        ('/auv_1/radio/rx', text(b'{"st\xffmp":13}'), 12_500_000_000),
+        ('/uav/radio/rx', text(b'?'), 0),
+        ('/auv_1/radio/rx', text(b'{"stamp":12}'), 12_000_000_000),
+    ]
+    for topic, cdr, expected in said:
+        assert times.log_time_ns(topic, topics.STRING, cdr) == expected
 
 
 def test_no_markers_no_stamp() -> None:
