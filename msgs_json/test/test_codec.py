@@ -10,6 +10,7 @@ from msgs_json import codec
 from msgs_json.codec import (
     EVERYONE,
     MISSION_EVENT,
+    OPERATOR_COMMAND,
     SCHEMA_VERSION,
     MessageError,
     Refusal,
@@ -19,8 +20,10 @@ from msgs_json.messages import (
     Acknowledgement,
     Missed,
     MissionEvent,
+    OperatorCommand,
     PathAssignment,
     Ready,
+    Recall,
 )
 
 ACKNOWLEDGEMENT = Acknowledgement(acknowledges=Acknowledged.PATH_ASSIGNMENT, reference=3)
@@ -56,9 +59,18 @@ def test_decoding_returns_envelope_and_typed_body() -> None:
 
 def test_an_event_is_told_by_its_tag() -> None:
     event = Missed(sortie=2, auv='auv_3')
-    data = codec.encode(event, schema=MISSION_EVENT, src='uav', dst=EVERYONE, seq=0, stamp_s=1.0)
+    data = codec.encode(event, src='uav', dst=EVERYONE, seq=0, stamp_s=1.0)
+    assert json.loads(data)['schema'] == 'MissionEvent'
     assert json.loads(data)['body'] == {'event': 'missed', 'sortie': 2, 'auv': 'auv_3'}
     assert codec.decode(data)[1] == event
+
+
+def test_a_command_is_told_by_its_tag() -> None:
+    command = Recall(auvs=('auv_3',))
+    data = codec.encode(command, src='operator', dst='c3', seq=0, stamp_s=1.0)
+    assert json.loads(data)['schema'] == 'OperatorCommand'
+    assert json.loads(data)['body'] == {'command': 'recall', 'auvs': ['auv_3']}
+    assert codec.decode(data)[1] == command
 
 
 def test_the_order_of_keys_does_not_matter() -> None:
@@ -126,10 +138,11 @@ def test_nothing_is_rounded_or_converted() -> None:
 
 
 def test_every_message_can_be_sent() -> None:
-    # Each class name is its schema's name; events travel under the name of their union.
+    # Each class name is its schema's name; events and commands travel under that of their union.
     assert codec.SCHEMA_TYPES[MISSION_EVENT] is MissionEvent
+    assert codec.SCHEMA_TYPES[OPERATOR_COMMAND] == OperatorCommand
     for name, body_type in codec.SCHEMA_TYPES.items():
-        assert name in (MISSION_EVENT, getattr(body_type, '__name__', ''))
+        assert name in (MISSION_EVENT, OPERATOR_COMMAND, getattr(body_type, '__name__', ''))
     assert codec.SCHEMA_TYPES['PathAssignment'] is PathAssignment
 
 

@@ -24,7 +24,15 @@ from msgspec import inspect
 from msgs_json import codec, json_schemas, messages
 from msgs_json.codec import DETAIL_MAX_CHARS, SCHEMA_TYPES, MessageError, Refusal
 from msgs_json.geometry import path_problem
-from msgs_json.messages import Event, Leg, Message, MissionEvent
+from msgs_json.messages import (
+    Command,
+    Event,
+    Leg,
+    Message,
+    MissionEvent,
+    OperatorCommand,
+    SampleSpan,
+)
 
 SCHEMAS = Path(json_schemas.__file__).parent / 'schemas'
 EXAMPLES = Path(json_schemas.__file__).parent / 'examples'
@@ -38,6 +46,11 @@ BEYOND_JSON_SCHEMA = {
         'PathAssignment--diagonal_move',
         'PathAssignment--jump',
         'SortieReport--diagonal_move',
+    },
+    'a span ends after it has begun': {
+        'SampleReceipt--span_backwards',
+        'SampleReceipt--span_empty',
+        'SortieReport--cargo_empty',
     },
     # For JSON Schema 14.0 is an integer.
     'a whole number is written without a decimal point': {
@@ -87,11 +100,12 @@ def test_every_message_type_has_a_schema() -> None:
         for thing in vars(messages).values()
         if isinstance(thing, type) and issubclass(thing, Message)
     }
-    parts = {Message, Event, *get_args(MissionEvent)}  # of a MissionEvent
-    parts |= {Leg, messages.AuvOrder, messages.Sample, messages.RelayedSample}
+    parts = {Message, Event, *get_args(MissionEvent), Command, *get_args(OperatorCommand)}
+    parts |= {Leg, messages.AuvOrder, messages.Sample, messages.SampleSpan}
     parts |= {messages.Meeting, messages.AuvStatus}
     parts |= {messages.SortieOutlook, messages.ExpectedContact}
-    assert {t.__name__ for t in bodies - parts} | {codec.MISSION_EVENT} == set(SCHEMA_TYPES)
+    unions = {codec.MISSION_EVENT, codec.OPERATOR_COMMAND}
+    assert {t.__name__ for t in bodies - parts} | unions == set(SCHEMA_TYPES)
 
 
 def test_checked_in_schemas_are_current() -> None:
@@ -135,19 +149,26 @@ def fields_of(node: object) -> Iterator[tuple[str, dict[str, Any]]]:
 
 def test_docstrings_of_fields_reach_the_schema() -> None:
     body = json_schemas.json_schema('SurfacingReport')['$defs']['SurfacingReport']
-    assert body['properties']['samples']['description'].startswith('All that nobody has')
+    assert body['properties']['samples']['description'].startswith('The oldest ones that nobody')
 
 
 # --- examples ------------------------------------------------------------------------------------
 
 
-def test_every_message_and_every_kind_of_event_has_examples() -> None:
+def kinds(union: object) -> set[str]:
+    return {kind.__struct_config__.tag for kind in get_args(union)}
+
+
+def test_every_message_and_every_kind_of_event_and_command_has_examples() -> None:
     valid = Counter(path.stem for path in VALID)
     invalid = Counter(path.stem.partition('--')[0] for path in INVALID)
-    names = set(SCHEMA_TYPES) - {codec.MISSION_EVENT}
-    names |= {f'MissionEvent-{kind.__struct_config__.tag}' for kind in get_args(MissionEvent)}
-    assert {name for name in names if valid[name] < 1} == set()
-    assert {name for name in names if invalid[name] < 3} == set()
+    messages_and_events = set(SCHEMA_TYPES) - {codec.MISSION_EVENT, codec.OPERATOR_COMMAND}
+    messages_and_events |= {f'MissionEvent-{kind}' for kind in kinds(MissionEvent)}
+    # Most commands are a word and nothing else: there is not much to do wrong.
+    commands = {f'OperatorCommand-{kind}' for kind in kinds(OperatorCommand)}
+    assert {name for name in messages_and_events | commands if valid[name] < 1} == set()
+    assert {name for name in messages_and_events if invalid[name] < 3} == set()
+    assert {name for name in commands if invalid[name] < 1} == set()
 
 
 @pytest.mark.parametrize('path', VALID, ids=example_id)
@@ -158,7 +179,6 @@ def test_valid_example(path: Path) -> None:
     assert schema_accepts(envelope.schema, data)
     again = codec.encode(
         body,
-        schema=envelope.schema,
         src=envelope.src,
         dst=envelope.dst,
         seq=envelope.seq,
@@ -222,13 +242,15 @@ def altered_payloads(draw: st.DrawFn) -> dict[str, Any]:
     return payload
 
 
-def has_broken_leg(node: object) -> bool:
-    """Whether a leg (a path with a deadline, but no event) is no path."""
+def is_beyond_json_schema(node: object) -> bool:
+    """Whether a leg (a path with a deadline, but no event) is no path, or a span is none."""
     if isinstance(node, dict):
         if node.keys() >= {'leg_id', 'path', 'surface_deadline_s'} and 'event' not in node:
             return path_problem(node['path']) is not None
-        return any(has_broken_leg(value) for value in node.values())
-    return isinstance(node, list) and any(has_broken_leg(value) for value in node)
+        if node.keys() == {'auv', 'first', 'until'}:
+            return bool(node['first'] >= node['until'])
+        return any(is_beyond_json_schema(value) for value in node.values())
+    return isinstance(node, list) and any(is_beyond_json_schema(value) for value in node)
 
 
 @given(altered_payloads())
@@ -236,7 +258,7 @@ def has_broken_leg(node: object) -> bool:
 def test_types_and_schemas_agree(payload: dict[str, Any]) -> None:
     is_accepted = refusal_of(json.dumps(payload).encode()) is None
     by_schema = validator(payload['schema'], strict_integers=True).is_valid(payload)
-    assert is_accepted == (by_schema and not has_broken_leg(payload))
+    assert is_accepted == (by_schema and not is_beyond_json_schema(payload))
 
 
 # --- every value of every type survives the way through JSON -------------------------------------
@@ -254,6 +276,12 @@ def paths(draw: st.DrawFn) -> tuple[tuple[int, int], ...]:
     return tuple(cells)
 
 
+@st.composite
+def spans(draw: st.DrawFn, parts: dict[str, st.SearchStrategy[Any]]) -> SampleSpan:
+    first, until = sorted(draw(st.sets(parts['first'], min_size=2, max_size=2)))
+    return SampleSpan(auv=draw(parts['auv']), first=first, until=until)
+
+
 def values(kind: inspect.Type) -> st.SearchStrategy[Any]:
     """Return a strategy for a type as msgspec sees it."""
     match kind:
@@ -261,7 +289,11 @@ def values(kind: inspect.Type) -> st.SearchStrategy[Any]:
             return values(inner)
         case inspect.StructType(cls=cls, fields=fields):
             parts = {field.name: values(field.type) for field in fields}
-            return st.builds(cls, **parts | ({'path': paths()} if cls is Leg else {}))
+            if cls is Leg:
+                parts['path'] = paths()
+            if cls is SampleSpan:
+                return spans(parts)
+            return st.builds(cls, **parts)
         case inspect.EnumType(cls=cls):
             return st.sampled_from(list(cls))
         case inspect.UnionType(types=types):
@@ -322,7 +354,7 @@ def test_round_trip(name: str) -> None:
     @given(values(inspect.type_info(SCHEMA_TYPES[name])), envelopes)
     @settings(max_examples=20)
     def check(body: Message, sent: dict[str, Any]) -> None:
-        data = codec.encode(body, schema=name, **sent)
+        data = codec.encode(body, **sent)
         envelope, received = codec.decode(data)
         assert plain(received) == plain(body)
         assert (envelope.src, envelope.dst) == (sent['src'], sent['dst'])
