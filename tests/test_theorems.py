@@ -25,6 +25,7 @@ import pytest
 from hypothesis import Phase, find, given, settings
 
 from msgs_json.agent import Log, Output, Publish, Refuse, Transmit
+from msgs_json.custody import SampleCustody
 from msgs_json.drivers import NoPorts, UavDriverSetup
 from msgs_json.geometry import Cell, GridSpec, Point, unreachable_cells
 from msgs_json.messages import (
@@ -40,6 +41,10 @@ from msgs_json.messages import (
     MissionOrder,
     PathAssignment,
     RecoveryOrder,
+    Sample,
+    SampleBatch,
+    SampleReceipt,
+    SampleSpan,
     SearchBrokenOff,
     SortieDeparted,
     SortieReport,
@@ -47,6 +52,7 @@ from msgs_json.messages import (
     SurfacingReport,
 )
 from msgs_json.ros_messages import Odometry
+from msgs_json.store import MemoryStore
 from uav_planner.drivers.kinematic import make_driver
 from uav_planner.guarantee import least_limit_s
 from uav_planner.mission_order import UavSetup
@@ -90,6 +96,8 @@ class Fate:
     """From 0, at the first tick under water, to 1, its deadline."""
     deaf_ticks: int
     """For so many ticks after the UAV first spoke to it, it hears nothing."""
+    samples: int
+    """So many does it take; it says one at a time, in its reports."""
 
 
 class Auv:
@@ -98,6 +106,10 @@ class Auv:
     def __init__(self, name: str, mission: MissionSpec, leg: Leg, fates: Iterable[Fate]) -> None:
         self.name = name
         self.finished = False
+        self._taken: list[Sample] = []
+        """All samples of all legs."""
+        self._held = 0
+        """So many of them, the oldest, does the UAV say to have."""
         self._mission = mission
         self._fates = itertools.cycle(fates)
         self.position = mission.grid.centre(leg.path[0])
@@ -114,6 +126,12 @@ class Auv:
         self.is_between_cells = self.position not in centres
         reached = hop + (self.position == way[hop + 1])
         self._moves_done = max(0, reached - self.leg_began_between_cells)
+        for _ in range(self._fate.samples):
+            number = len(self._taken)
+            sample = Sample(
+                auv=self.name, number=number, cell=leg.path[0], entered_s=0.0, value=1.0
+            )
+            self._taken.append(sample)
         deadline_tick = round(leg.surface_deadline_s / self._mission.tick_s)
         self._up_tick = first_tick + round(self._fate.when * (deadline_tick - first_tick))
 
@@ -129,7 +147,8 @@ class Auv:
             cell=self._leg.path[self._moves_done],
             position=self.position,
             surfaced_s=self._up_tick * self._mission.tick_s,
-            samples=(),
+            samples_taken=len(self._taken),
+            samples=tuple(self._taken[self._held : self._held + 1]),
         )
 
     def receive(self, message: Message, tick: int) -> Acknowledgement | None:
@@ -138,6 +157,9 @@ class Auv:
         if tick < self._spoken_to_tick + self._fate.deaf_ticks:
             return None
         match message:
+            case SampleReceipt(held=held, at_c3=at_c3):
+                self._held = max([0, *(span.until for span in (*held, *at_c3))])
+                return None
             case PathAssignment(leg=leg):
                 if leg.leg_id > self._leg.leg_id:
                     self._begin(leg, first_tick=tick + 1)
@@ -240,6 +262,8 @@ class Flight:
             for auv, fates in zip(order.auvs, case.fates, strict=True)
         }
         self._agent = _uav(mission, planner)
+        self.told_to_wait = 0
+        """So often an AUV was told only which samples the UAV has, not what comes next."""
         self._tick = 0
         self._air: deque[tuple[str, str, Message]] = deque([('c3', 'uav', order)])
         """Said and not yet heard: by whom, to whom, what."""
@@ -273,11 +297,8 @@ class Flight:
                 if self.sorties and isinstance(message, SurfacingReport):
                     self.sorties[-1].heard.append((self._now_s, src))
             elif dst == 'c3':
-                if isinstance(message, SortieReport):
-                    taken = Acknowledgement(
-                        acknowledges=Acknowledged.SORTIE_REPORT, reference=message.sortie
-                    )
-                    self._air.append(('c3', 'uav', taken))
+                if (reply := _answer_of_c3(message)) is not None:
+                    self._air.append(('c3', 'uav', reply))
             elif (answer := self._auvs[dst].receive(message, self._tick)) is not None:
                 self._air.append((dst, 'uav', answer))
 
@@ -290,6 +311,8 @@ class Flight:
             match each:
                 case Transmit(dst, message):
                     self._air.append(('uav', dst, message))
+                    self.told_to_wait += isinstance(message, SampleReceipt)
+                    self.told_to_wait -= isinstance(message, PathAssignment | RecoveryOrder)
                 case Publish(message=Odometry(position=position)):
                     self.track.append(position)
                 case Log(event, stamp_s):
@@ -323,6 +346,20 @@ class Flight:
                 sortie.returned_s = stamp_s
 
 
+def _answer_of_c3(message: Message) -> Message | None:
+    match message:
+        case SortieReport(sortie=sortie):
+            return Acknowledgement(acknowledges=Acknowledged.SORTIE_REPORT, reference=sortie)
+        case SampleBatch(samples=samples):
+            spans = (
+                SampleSpan(auv=each.auv, first=each.number, until=each.number + 1)
+                for each in samples
+            )
+            return SampleReceipt(held=(), at_c3=tuple(spans))
+        case _:
+            return None
+
+
 def _uav(mission: MissionSpec, planner: str) -> UavAgent:
     driver = make_driver(
         UavDriverSetup(
@@ -338,7 +375,10 @@ def _uav(mission: MissionSpec, planner: str) -> UavAgent:
         arrival_radius_m=0.0,
     )
     options = LITTLE_WORK.get(planner, {})
-    return UavAgent('uav', setup, HeldToItsPromise(make_planner(planner, **options)), driver)
+    store = MemoryStore()
+    held = HeldToItsPromise(make_planner(planner, **options))
+    custody = SampleCustody(store, frame_bytes=1_048_576, response_s=0.0)
+    return UavAgent('uav', setup, held, driver, store, custody)
 
 
 def _between(start: Point, end: Point, share: float) -> Point:
@@ -460,8 +500,13 @@ def cases(
     mission: MissionSpec,
     along: st.SearchStrategy[float],
     longer_deaf_ticks: int = 0,
+    samples: int = 1,
 ) -> Case:
-    """Return what can be on a mission; AUVs may be deaf so much longer than `handover_s`."""
+    """
+    Return what can be on a mission.
+
+    AUVs may be deaf so much longer than `handover_s`, and take up to so many samples on a leg.
+    """
     kept_free_ticks = math.ceil(mission.handover_s / mission.tick_s - EPSILON_S)
     fates = st.builds(
         Fate,
@@ -469,6 +514,7 @@ def cases(
         along=along,
         when=numbers(0, 1),
         deaf_ticks=st.integers(0, kept_free_ticks + longer_deaf_ticks),
+        samples=st.integers(0, samples),
     )
     paths = draw(st.lists(walks(mission.grid), min_size=1, max_size=4))
     return Case(
@@ -491,9 +537,9 @@ def with_land(draw: st.DrawFn, grid: GridSpec, paths: list[tuple[Cell, ...]]) ->
 
 
 @st.composite
-def guaranteed_cases(draw: st.DrawFn, longer_deaf_ticks: int = 0) -> Case:
+def guaranteed_cases(draw: st.DrawFn, longer_deaf_ticks: int = 0, samples: int = 1) -> Case:
     """Return missions that a guarantee takes, L its least up to twice that; AUVs anywhere."""
-    case = draw(cases(draw(missions(1.0)), numbers(0, 1), longer_deaf_ticks))
+    case = draw(cases(draw(missions(1.0)), numbers(0, 1), longer_deaf_ticks, samples))
     least_s = least_limit_s(case.mission, legs_of(case.paths))
     limit_s = max(case.mission.tick_s, draw(numbers(1, 2)) * least_s)
     return replace(case, mission=replace(case.mission, sortie_limit_s=limit_s))
@@ -678,7 +724,17 @@ def test_everybody_is_met_within_the_worst_case_and_this_is_within_the_limit(
     return flight
 
 
-@holds_for(guaranteed_cases(longer_deaf_ticks=8), guarantees_limit=True, few=60, many=200)
+def hands_data_over_for_ticks(flight: Flight) -> bool:
+    return flight.told_to_wait > 1
+
+
+@holds_for(
+    guaranteed_cases(longer_deaf_ticks=8, samples=8),
+    guarantees_limit=True,
+    few=60,
+    many=200,
+    covering=[hands_data_over_for_ticks],
+)
 def test_the_limit_is_kept_where_hand_overs_take_longer_than_planned(
     case: Case, planner: str
 ) -> Flight:
