@@ -1,8 +1,10 @@
 """What several of these tests begin with."""
 
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from orchestrated_run import Run
 
 TINY = """
 name: tiny
@@ -25,3 +27,14 @@ def tiny(tmp_path: Path) -> Path:
     path = tmp_path / 'tiny.yaml'
     path.write_text(TINY)
     return path
+
+
+@pytest.fixture
+def runs() -> Iterator[list[Run]]:
+    """Collect the runs of a test, so that none outlives it."""
+    begun: list[Run] = []
+    yield begun
+    for run in begun:
+        if run.process.poll() is None:
+            run.process.kill()
+            run.process.communicate()

@@ -3,13 +3,11 @@
 import json
 import os
 import signal
-import subprocess
-import sys
-from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from patience import PATIENCE_S, wait_until
+from orchestrated_run import Run
+from patience import wait_until
 
 from c3_station.bag import BagReader
 from c3_station.exit_codes import ExitCode
@@ -19,57 +17,6 @@ from c3_station.observer_node import Observer
 from c3_station.scenario_files import load_scenario
 
 pytestmark = pytest.mark.ros
-
-
-class Run:
-    """One ``orchestrate.py run`` under way."""
-
-    def __init__(self, out: Path, *options: str) -> None:
-        self.out = out
-        command = [sys.executable, '-m', 'c3_station', 'run', 'ecc2009', '--out', str(out)]
-        self.process = subprocess.Popen(
-            [*command, *options], stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True
-        )
-
-    def wait_for_flight(self) -> None:
-        """Wait until the mission is being recorded."""
-        bag = self.out / 'bag' / 'bag.mcap'
-
-        def flies() -> bool:
-            assert self.process.poll() is None, self.end()
-            # The file begins with the topics; it grows when there is something to tell.
-            return bag.exists() and bag.stat().st_size > 50_000
-
-        wait_until(flies)
-
-    def nodes(self) -> dict[str, int]:
-        """Return the pids of the node processes by node name."""
-        found = {}
-        for status in Path('/proc').glob('[0-9]*/cmdline'):
-            try:
-                words = status.read_text().split('\0')
-            except OSError:
-                continue
-            if str(self.out / 'params.yaml') in words:
-                (namespace,) = (word for word in words if word.startswith('__ns:=/'))
-                found[namespace.removeprefix('__ns:=/')] = int(status.parent.name)
-        return found
-
-    def end(self) -> tuple[int, str]:
-        """Wait for the end; return exit code and output."""
-        output, _ = self.process.communicate(timeout=PATIENCE_S)
-        return self.process.returncode, output
-
-
-@pytest.fixture
-def runs() -> Iterator[list[Run]]:
-    """Collect the runs of a test, so that none outlives it."""
-    begun: list[Run] = []
-    yield begun
-    for run in begun:
-        if run.process.poll() is None:
-            run.process.kill()
-            run.process.communicate()
 
 
 def test_the_reference_mission_over_ros(tmp_path: Path, runs: list[Run]) -> None:
@@ -122,7 +69,7 @@ def test_an_interrupt_at_once_ends_everything_too(tmp_path: Path, runs: list[Run
 def test_a_node_that_is_killed_is_named_and_the_bag_stays_readable(
     tmp_path: Path, runs: list[Run], victim: str
 ) -> None:
-    run = Run(tmp_path / 'run', '--rate', '60')
+    run = Run(tmp_path / 'run', '--rate', '60', '--set', 'on_death=end')
     runs.append(run)
     run.wait_for_flight()
     os.kill(run.nodes()[victim], signal.SIGKILL)
@@ -136,7 +83,7 @@ def test_a_node_that_is_killed_is_named_and_the_bag_stays_readable(
 
 
 def test_a_hanging_node_is_named_too(tmp_path: Path, runs: list[Run]) -> None:
-    run = Run(tmp_path / 'run', '--rate', '60')
+    run = Run(tmp_path / 'run', '--rate', '60', '--set', 'on_death=end')
     runs.append(run)
     run.wait_for_flight()
     os.kill(run.nodes()['auv_3'], signal.SIGSTOP)

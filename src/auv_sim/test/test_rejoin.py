@@ -14,7 +14,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from auv_sim.conductor import NUDGE_S, Addressed, Conductor, Phase
-from auv_sim.radio_channel import ChannelModel, StationKind
+from auv_sim.radio_model import ChannelModel, StationKind
 from auv_sim.world import World, WorldSpec
 from msgs_json import codec
 from msgs_json.agent import Output, Publish, Transmit

@@ -13,5 +13,7 @@ class Flight:
     """Why the mission did not run to its end; None if it did."""
     first_tick_s: float | None = None
     """Wall time from the start of the first process to the first tick."""
+    restarts: dict[str, int] = field(default_factory=dict)
+    """How often each process was started again."""
     peak_memory_bytes: dict[str, int] = field(default_factory=dict)
     """Largest resident set of each process."""

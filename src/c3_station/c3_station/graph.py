@@ -12,7 +12,7 @@ from auv_sim.world import WORLD
 from auv_sim.world_params import WorldParams
 from c3_station.node_params import C3, UAV, mission_params
 from c3_station.recorder_params import RecorderParams
-from c3_station.scenario import Scenario
+from c3_station.scenario import OnDeath, Scenario
 from c3_station.scenario_files import scenario_json
 from msgs_json.params import Params
 from msgs_json.params_file import params_yaml
@@ -31,24 +31,42 @@ class NodeSpec:
     name: str
     package: str
     executable: str
+    agents: tuple[str, ...] = ()
+    """Those that live in it."""
+    on_death: OnDeath = OnDeath.END
 
 
 def mission_nodes(scenario: Scenario, *, bag: bool) -> tuple[NodeSpec, ...]:
     """Return the processes of a mission."""
     recorder = NodeSpec(name=RECORDER, package='c3_station', executable='recorder')
+    on_death = scenario.on_death_of()
+    fleets = _fleets(scenario)
     return (
         *((recorder,) if bag else ()),
         NodeSpec(name=WORLD, package='auv_sim', executable='world'),
-        NodeSpec(name=C3, package='c3_station', executable='c3'),
-        NodeSpec(name=UAV, package='uav_planner', executable='uav'),
-        *(
-            NodeSpec(name=fleet, package='auv_sim', executable='fleet')
-            for fleet in _fleets(scenario)
+        NodeSpec(
+            name=C3,
+            package='c3_station',
+            executable='c3',
+            agents=(C3,),
+            on_death=on_death.c3,
+        ),
+        NodeSpec(
+            name=UAV,
+            package='uav_planner',
+            executable='uav',
+            agents=(UAV,),
+            on_death=on_death.uav,
         ),
         *(
-            NodeSpec(name=auv.name, package='auv_sim', executable='auv')
-            for auv in scenario.auvs
-            if not _fleets(scenario)
+            NodeSpec(
+                name=name,
+                package='auv_sim',
+                executable='fleet' if fleets else 'auv',
+                agents=agents,
+                on_death=on_death.auvs,
+            )
+            for name, agents in (fleets or {a.name: (a.name,) for a in scenario.auvs}).items()
         ),
     )
 
@@ -62,6 +80,7 @@ def write_params(
     reply_timeout_s: float = WorldParams().reply_timeout_s,
     stores: Path | None = None,
     key: Path | None = None,
+    restarted: tuple[str, ...] = (),
 ) -> None:
     """
     Write the parameters of every node of a mission, for ``--params-file``.
@@ -82,6 +101,8 @@ def write_params(
         Folder in which each agent keeps what it must know after a crash; None: in memory.
     key
         File with the key of the mission; None: nothing is signed.
+    restarted
+        Agents that somebody starts again when they die.
 
     Raises
     ------
@@ -92,7 +113,11 @@ def write_params(
     params = mission_params(scenario)
     nodes: dict[str, Params] = {
         f'/{WORLD}/world': msgspec.structs.replace(
-            params.world, rate=rate, recorder=bag is not None, reply_timeout_s=reply_timeout_s
+            params.world,
+            rate=rate,
+            recorder=bag is not None,
+            reply_timeout_s=reply_timeout_s,
+            restarted=restarted,
         ),
     }
     for kind, agent in (

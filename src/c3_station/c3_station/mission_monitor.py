@@ -24,6 +24,7 @@ from msgs_json.messages import (
     Missed,
     MissionCompleted,
     MissionStopped,
+    NodeRestarted,
     PlanningAhead,
     RecoveryReason,
     SamplesDelivered,
@@ -108,6 +109,8 @@ class MissionMonitor:
         self.ended: str | None = None
         self.log: deque[tuple[float, str, str]] = deque(maxlen=_LOG_LINES)
         """Time, source and text of what happened, newest last."""
+        self.notes: list[str] = []
+        """What the orchestrator did, for those who do not see the log move."""
 
     def message(self, topic: str, message: RosMessage) -> None:
         """Take what was published on an absolute topic; what says nothing here is passed over."""
@@ -157,6 +160,11 @@ class MissionMonitor:
         text = self._apply(envelope.src, envelope.stamp, event)
         if text:
             self.log.append((envelope.stamp, envelope.src, text))
+
+    def note(self, text: str) -> None:
+        """Note what the orchestrator did."""
+        self.log.append((self.now_s, 'orchestrator', text))
+        self.notes.append(text)
 
     def neglect_s(self) -> float:
         """Return the neglect time so far, summed over the AUVs, until the region is explored."""
@@ -221,6 +229,8 @@ class MissionMonitor:
             case MissionCompleted(lost=names):
                 self.ended = 'completed' + (f' without {", ".join(names)}' if names else '')
                 return f'mission {self.ended}'
+            case NodeRestarted(node=node, restarts=restarts):
+                return f'{node} is back, restart {restarts}'
             case MissionStopped(reason=reason):
                 self.ended = reason
                 return f'mission stopped: {reason}'

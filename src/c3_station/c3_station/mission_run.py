@@ -174,11 +174,12 @@ def _live(
     view = LiveView(monitor, title)
     shown_s = began_s = monotonic()
     told_s = began_s - _TOLD_EVERY_S
+    noted = 0
 
     with Live(view, console=console, auto_refresh=False) as live:
 
         def refresh() -> None:
-            nonlocal shown_s, began_s, told_s
+            nonlocal shown_s, began_s, told_s, noted
             look_for_interrupt()
             now_s = monotonic()
             if not monitor.ticking:
@@ -188,6 +189,9 @@ def _live(
             if now_s - shown_s >= 1.0 / _FRAMES_PER_S:
                 shown_s = now_s
                 live.refresh()
+            for note in monitor.notes[noted:]:
+                console.print(note, style='red', markup=False, highlight=False, soft_wrap=True)
+            noted = len(monitor.notes)
             share = monitor.planned_share
             if share is not None and not console.is_terminal and now_s - told_s >= _TOLD_EVERY_S:
                 told_s = now_s

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import suppress
 from time import monotonic
 
 import rclpy
@@ -13,6 +14,8 @@ from auv_sim.world import WORLD
 from c3_station.mission_monitor import MissionMonitor
 from c3_station.node_params import C3
 from msgs_json.host_node import make_executor, message_class, qos_profile
+from msgs_json.messages import Waiting
+from msgs_json.refusals import body_decoder
 from msgs_json.ros_messages import (
     ClockTime,
     RosMessage,
@@ -21,7 +24,17 @@ from msgs_json.ros_messages import (
     odometry_from_cdr,
     text_from_cdr,
 )
-from msgs_json.topics import CLOCK, MISSION_EVENTS, MISSION_STATUS, ODOM, RADIO_STATUS, Topic
+from msgs_json.topics import (
+    CLOCK,
+    MISSION_EVENTS,
+    MISSION_STATUS,
+    ODOM,
+    RADIO_STATUS,
+    WORLD_WAITING,
+    Topic,
+)
+
+_waiting = body_decoder(Waiting)
 
 
 class Observer:
@@ -33,8 +46,17 @@ class Observer:
     eye could follow.
     """
 
-    def __init__(self, domain_id: int, monitor: MissionMonitor, *, every_tick: bool) -> None:
+    def __init__(
+        self,
+        domain_id: int,
+        monitor: MissionMonitor,
+        *,
+        every_tick: bool,
+        heed: Callable[[Waiting], None] = lambda _: None,
+    ) -> None:
+        """Listen; ``heed`` is told whom the world waits for."""
         self._monitor = monitor
+        self._heed = heed
         self._context = Context()
         rclpy.init(
             context=self._context,
@@ -47,6 +69,13 @@ class Observer:
         self._listen(MISSION_EVENTS, '/', _text)
         self._listen(MISSION_STATUS, f'/{C3}', _text)
         self._listen(RADIO_STATUS, f'/{WORLD}', _text)
+        self._node.create_subscription(
+            message_class(WORLD_WAITING.ros_type),
+            WORLD_WAITING.name,
+            self._take_waiting,
+            qos_profile(WORLD_WAITING.qos),
+            raw=True,
+        )
         if every_tick:
             self._listen(CLOCK, '/', _clock)
             for name in (monitor.uav_name, *monitor.auvs):
@@ -62,6 +91,10 @@ class Observer:
         """Leave the graph."""
         self._node.destroy_node()
         self._context.try_shutdown()
+
+    def _take_waiting(self, cdr: bytes) -> None:
+        with suppress(ValueError):  # what is not sound is nothing to heed
+            self._heed(_waiting(cdr)[1])
 
     def _listen(self, topic: Topic, namespace: str, decode: Callable[[bytes], RosMessage]) -> None:
         name = topic.resolve(namespace)

@@ -24,7 +24,9 @@ class NodeProcess:
     ) -> None:
         self.name = name
         self.log = log
-        with log.open('wb') as sink:
+        self.started_us = time.monotonic_ns() // 1000
+        """On the clock of `host_node.steady_us`."""
+        with log.open('ab') as sink:  # that of its former life stays
             # A group of its own, so that Ctrl-C in the terminal reaches the orchestrator alone,
             # which then ends the nodes in order. Should the orchestrator be killed, they end too.
             self._process = subprocess.Popen(

@@ -100,9 +100,20 @@ class PlannerChoice(Section, frozen=True, kw_only=True):
 
 
 class OnDeath(enum.Enum):
-    """What the orchestrator does when a node dies."""
+    """What the orchestrator does when a node dies, or hangs."""
 
+    RESTART = 'restart'
+    """It is started again, and the mission goes on."""
     END = 'end'
+    """The mission ends, and what was recorded is kept."""
+
+
+class OnDeathOf(Section, frozen=True, kw_only=True):
+    """That for each kind of node; a dead world or recorder always ends the mission."""
+
+    auvs: OnDeath = OnDeath.RESTART
+    uav: OnDeath = OnDeath.RESTART
+    c3: OnDeath = OnDeath.RESTART
 
 
 class Limits(Section, frozen=True, kw_only=True):
@@ -153,7 +164,14 @@ class Scenario(Section, frozen=True, kw_only=True):
     """The surveyed scalar field; see `auv_sim.survey_field`."""
     max_mission_s: Annotated[float, msgspec.Meta(ge=1, le=1e7)]
     """Hard stop, seconds of simulated time; generous."""
-    on_death: OnDeath = OnDeath.END
+    on_death: OnDeath | OnDeathOf = OnDeath.RESTART
+    """One for all kinds of nodes, or one for each."""
     operator: tuple[ScheduledCommand, ...] = ()
     """Commands that C3 takes as if the operator gave them, in order of time."""
     pass_conditions: PassConditions = msgspec.field(name='pass', default=PassConditions())
+
+    def on_death_of(self) -> OnDeathOf:
+        """Return what happens when a node of each kind dies."""
+        if isinstance(self.on_death, OnDeathOf):
+            return self.on_death
+        return OnDeathOf(auvs=self.on_death, uav=self.on_death, c3=self.on_death)

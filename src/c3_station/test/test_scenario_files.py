@@ -131,7 +131,7 @@ def test_json_is_normalised_and_comes_back(name: str) -> None:
     data = scenario_json(scenario)
     assert scenario_from_json(data) == parse_scenario(data.decode()) == scenario
     assert scenario_json(scenario_from_json(data)) == data
-    assert msgspec.json.decode(data)['on_death'] == 'end'  # a default, written out
+    assert msgspec.json.decode(data)['on_death'] == 'restart'  # a default, written out
     assert msgspec.json.decode(data)['pass']['samples_lost']['max'] == 0
 
 
@@ -317,7 +317,8 @@ def test_field_file_is_found_beside_the_scenario(tmp_path: Path) -> None:
         (('seed',), -1, ['seed is -1', 'at least 0']),
         (('field',), {'kind': 'synthetik'}, ['field', 'synthetik', '"synthetic"']),
         (('max_mission_s',), 'soon', ["max_mission_s is 'soon'"]),
-        (('on_death',), 'explode', ["on_death is 'explode'", 'allowed: end']),
+        (('on_death',), 'explode', ["on_death is 'explode'", 'allowed: restart or end or keys']),
+        (('on_death',), {'uav': 'explode'}, ["on_death.uav is 'explode'", 'allowed: restart or']),
         (('pass', 'explored_s'), {'min': 3, 'max': 2}, ['pass.explored_s.min is 3', 'max, 2']),
         (('pass', 'explored_s', 'max'), float('inf'), ['pass.explored_s.max is inf']),
         (('pass', 'explored'), {}, ['pass.explored is {}', 'did you mean explored_s?']),
