@@ -10,7 +10,7 @@ import pytest
 
 from auv_sim.kernel import run_mission
 from auv_sim.world_params import make_world
-from c3_station.in_process import make_agents
+from c3_station.in_process import in_memory, make_agents
 from c3_station.node_params import mission_params
 from c3_station.scenario import Auv, PlannerChoice, Radio, Scenario, Sortie, Uav
 from msgs_json import codec
@@ -89,8 +89,13 @@ class Guarded(AgentShell):
     """A `GuardedAgent` as the kernel takes it."""
 
     def __init__(self, shell: AgentShell) -> None:
-        super().__init__(shell.agent)
+        self.agent = shell.agent
+        self._shell = shell
         self._guarded = GuardedAgent(shell, lambda _: None)
+
+    @property
+    def is_busy(self) -> bool:
+        return self._shell.is_busy
 
     def tick(self, now_s: float) -> list[Frame]:
         return self._guarded.tick(now_s)
@@ -141,7 +146,9 @@ def fly(trouble: Trouble) -> Log:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr('auv_sim.auv_params.find_driver', trouble.find_driver)
         patch.setattr('uav_planner.uav_params.find_driver', trouble.find_driver)
-        guarded = {name: Guarded(shell) for name, shell in make_agents(PARAMS).items()}
+        guarded = {
+            name: Guarded(shell) for name, shell in make_agents(PARAMS, in_memory()).items()
+        }
     run_mission(make_world(PARAMS.world), guarded, log.note)
     return log
 

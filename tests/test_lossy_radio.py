@@ -8,19 +8,22 @@ planner that guarantees the sortie limit that is kept.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 
 import numpy as np
 import pytest
 
 from auv_sim.kernel import run_mission
+from auv_sim.radio_channel import Delivery
 from auv_sim.world_params import make_world
 from c3_station.in_process import make_agents
 from c3_station.node_params import mission_params
 from c3_station.scenario import Auv, PlannerChoice, Radio, Scenario, Sortie, Uav
 from msgs_json import codec
-from msgs_json.agent_shell import Frame
+from msgs_json.agent_shell import AgentSetting, Frame
+from msgs_json.authentication import Authenticator
 from msgs_json.geometry import Cell, GridSpec, Point
+from msgs_json.key_file import new_key
 from msgs_json.messages import (
     Acknowledged,
     Acknowledgement,
@@ -28,25 +31,26 @@ from msgs_json.messages import (
     Event,
     MissionCompleted,
     MissionStatus,
+    SampleBatch,
     SamplesDelivered,
-    SortieReport,
     SortieReturned,
     StayedUp,
 )
 from msgs_json.randomness import agent_rng
 from msgs_json.ros_messages import Text
+from msgs_json.store import MemoryStore
 from msgs_json.topics import MISSION_EVENTS, MISSION_STATUS, RADIO_RX
-
-Said = Iterable[tuple[str, bytes]]
-Heard = list[tuple[str, bytes]]
-
 
 DELAY_S = 10.0
 """The longest delay; the surface margin below covers it, so that no leg ends between two cells."""
 
 
-def said_s(payload: bytes) -> float:
-    return codec.open_envelope(payload).stamp
+def said_s(delivery: Delivery) -> float:
+    return codec.open_envelope(delivery.payload).stamp
+
+
+def link_of(delivery: Delivery) -> tuple[str, str]:
+    return codec.open_envelope(delivery.payload).src, delivery.receiver
 
 
 class BadRadio:
@@ -57,29 +61,34 @@ class BadRadio:
     """
 
     def __init__(
-        self, gate: Callable[[Said], Heard], seed: int, *, loss: float, repeat: float, late: float
+        self,
+        gate: Callable[[], list[Delivery]],
+        seed: int,
+        *,
+        loss: float,
+        repeat: float,
+        late: float,
     ) -> None:
         self._gate = gate
         self._rng = agent_rng(seed, 'bad radio')
         self._loss, self._repeat, self._late = loss, repeat, late
-        self._delayed: list[tuple[str, str, bytes]] = []
+        self._delayed: list[Delivery] = []
 
-    def __call__(self, said: Said) -> Heard:
-        heard: Heard = []
-        for src, payload in said:
-            for dst, _ in self._gate([(src, payload)]):
-                now_s = said_s(payload)
-                self._delayed = [e for e in self._delayed if now_s - said_s(e[2]) <= DELAY_S]
-                in_touch = [each for each in self._delayed if each[:2] == (src, dst)]
-                if in_touch and self._happens(0.5):
-                    self._delayed.remove(in_touch[0])
-                    heard.append((dst, in_touch[0][2]))
-                if self._happens(self._late):
-                    self._delayed.append((src, dst, payload))
-                if not self._happens(self._loss):
-                    heard.append((dst, payload))
-                while self._happens(self._repeat):
-                    heard.append((dst, payload))
+    def __call__(self) -> list[Delivery]:
+        heard: list[Delivery] = []
+        for delivery in self._gate():
+            now_s = said_s(delivery)
+            self._delayed = [each for each in self._delayed if now_s - said_s(each) <= DELAY_S]
+            in_touch = [each for each in self._delayed if link_of(each) == link_of(delivery)]
+            if in_touch and self._happens(0.5):
+                self._delayed.remove(in_touch[0])
+                heard.append(in_touch[0])
+            if self._happens(self._late):
+                self._delayed.append(delivery)
+            if not self._happens(self._loss):
+                heard.append(delivery)
+            while self._happens(self._repeat):
+                heard.append(delivery)
         return heard
 
     def _happens(self, probability: float) -> bool:
@@ -131,9 +140,9 @@ class Log:
         match body:
             case MissionStatus():
                 self.status = body
-            case SortieReport():
-                for item in body.samples:
-                    self.relayed[item.auv, item.sample.number] = item.sample.cell
+            case SampleBatch() if name == 'c3':
+                for sample in body.samples:
+                    self.relayed[sample.auv, sample.number] = sample.cell
             case Event():
                 self._event(envelope.src, body)
 
@@ -152,13 +161,21 @@ class Log:
                 self.longest_sortie_s = max(self.longest_sortie_s, duration_s)
 
 
-def fly(seed: int, planner: str, *, loss: float, repeat: float, late: float) -> Log:
+def fly(
+    seed: int, planner: str, *, is_signed: bool, loss: float, repeat: float, late: float
+) -> Log:
     params = mission_params(scenario(seed, planner))
     world = make_world(params.world)
     gate = BadRadio(world.gate, seed, loss=loss, repeat=repeat, late=late)
     world.gate = gate  # type: ignore[method-assign]
     log = Log()
-    run_mission(world, make_agents(params), log)
+
+    authenticator = Authenticator(new_key()) if is_signed else None
+
+    def setting(_: str) -> AgentSetting:
+        return AgentSetting(store=MemoryStore(), authenticator=authenticator)
+
+    run_mission(world, make_agents(params, setting), log)
     return log
 
 
@@ -172,7 +189,8 @@ def fly(seed: int, planner: str, *, loss: float, repeat: float, late: float) -> 
 def test_every_sample_arrives_and_counts_once(
     planner: str, seed: int, loss: float, repeat: float, late: float
 ) -> None:
-    log = fly(seed, planner, loss=loss, repeat=repeat, late=late)
+    # Without a key agents hear every copy; with one, only the first of each.
+    log = fly(seed, planner, is_signed=seed % 2 == 1, loss=loss, repeat=repeat, late=late)
     assert log.completed is not None
     assert log.relayed == log.entered
     assert log.delivered == log.completed.samples_delivered == len(log.entered)
@@ -187,12 +205,13 @@ def test_every_sample_arrives_and_counts_once(
 def test_the_bad_radio_of_this_test_is_bad() -> None:
     # Else the test above could not fail.
     order = Acknowledgement(acknowledges=Acknowledged.MISSION_ORDER, reference=0)
-    sent = [
-        ('c3', codec.encode(order, src='c3', dst='uav', seq=number, stamp_s=float(number)))
+    said = [
+        codec.encode(order, src='c3', dst='uav', seq=number, stamp_s=float(number))
         for number in range(200)
     ]
-    radio = BadRadio(lambda said: [('uav', p) for _, p in said], 1, loss=0.3, repeat=0.3, late=0.1)
-    heard = [codec.open_envelope(payload).seq for _, payload in radio(sent)]
+    sent = [Delivery('uav', payload, is_intact=True) for payload in said]
+    radio = BadRadio(lambda: sent, 1, loss=0.3, repeat=0.3, late=0.1)
+    heard = [codec.open_envelope(delivery.payload).seq for delivery in radio()]
     times_heard = Counter(heard)
     assert 20 < sum(times_heard[number] == 0 for number in range(200)) < 80
     assert max(times_heard.values()) >= 3

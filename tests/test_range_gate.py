@@ -3,7 +3,8 @@ Attempts to cheat the radio, in a mission that must go on as if nobody had tried
 
 What a vehicle says reaches another only through the channel model, which knows who speaks and
 where everybody truly is. Each attempt is blocked and counted under its reason; what physics lets
-through is refused by the agent that hears it.
+through is refused by the agent that hears it. All of this without a key: what is signed is looked
+at last.
 """
 
 from __future__ import annotations
@@ -23,8 +24,10 @@ from c3_station.node_params import mission_params
 from c3_station.scenario import Auv, PlannerChoice, Radio, Scenario, Sortie, Uav
 from msgs_json import codec
 from msgs_json.agent import Agent, Output, Transmit
-from msgs_json.agent_shell import AgentShell, Frame
+from msgs_json.agent_shell import AgentSetting, AgentShell, Frame
+from msgs_json.authentication import Authenticator
 from msgs_json.geometry import GridSpec, Point
+from msgs_json.key_file import new_key
 from msgs_json.messages import (
     Acknowledged,
     Acknowledgement,
@@ -42,6 +45,7 @@ from msgs_json.messages import (
     SurfacingReport,
 )
 from msgs_json.ros_messages import Odometry, Text
+from msgs_json.store import MemoryStore
 from msgs_json.topics import MISSION_EVENTS, ODOM, RADIO_STATUS, RADIO_TX
 
 MALLORY = 'mallory'
@@ -83,9 +87,15 @@ class Mission:
 Shells = dict[str, AgentShell]
 
 
-def fly(meddle: Callable[[Shells], None] = lambda _: None) -> Mission:
+def fly(
+    meddle: Callable[[Shells], None] = lambda _: None, authenticator: Authenticator | None = None
+) -> Mission:
     """Fly the mission with Mallory in the water, silent unless `meddle` says more."""
-    shells = make_agents(PARAMS) | {MALLORY: Mallory()}
+
+    def setting(_: str) -> AgentSetting:
+        return AgentSetting(store=MemoryStore(), authenticator=authenticator)
+
+    shells = make_agents(PARAMS, setting) | {MALLORY: Mallory()}
     meddle(shells)
     mission = Mission()
 
@@ -103,7 +113,7 @@ def fly(meddle: Callable[[Shells], None] = lambda _: None) -> Mission:
                 mission.radio.update(body.blocked | {'delivered': body.delivered})
 
     stations = msgspec.structs.replace(PARAMS.world, auvs=(*PARAMS.world.auvs, MALLORY))
-    run_mission(make_world(stations), shells, note)
+    run_mission(make_world(stations, authenticator), shells, note)
     return mission
 
 
@@ -174,6 +184,7 @@ LIE = SurfacingReport(
     cell=(1, 0),
     position=Point(east_m=15.0, north_m=5.0),
     surfaced_s=10.0,
+    samples_taken=0,
     samples=(),
 )
 EMPTY_REPORT = SortieReport(
@@ -184,7 +195,7 @@ EMPTY_REPORT = SortieReport(
     missed=(),
     not_reached=(),
     lost=('auv_1', 'auv_2'),
-    samples=(),
+    cargo=(),
     next_sortie=None,
 )
 """If C3 believed it, the mission would be over."""
@@ -328,8 +339,9 @@ def test_lies_of_members_change_nothing(liar: str, lie: Transmit, reason: str | 
 class Haunted(AgentShell):
     """An agent whose radio also hears strangers, and others in the name of its peers."""
 
-    def __init__(self, agent: Agent) -> None:
-        super().__init__(agent)
+    def __init__(self, shell: AgentShell) -> None:
+        self._shell = shell
+        self.agent = agent = shell.agent
         peer = min(agent.peers)
         bodies = (TRAP, LIE, EMPTY_REPORT, acknowledged(Acknowledged.MISSION_ORDER, 0))
         self.ghosts = [
@@ -344,19 +356,67 @@ class Haunted(AgentShell):
             )
         ]
 
+    @property
+    def is_busy(self) -> bool:
+        return self._shell.is_busy
+
     def tick(self, now_s: float) -> list[Frame]:
-        frames = super().tick(now_s)
+        frames = self._shell.tick(now_s)
         return frames + [frame for ghost in self.ghosts for frame in self.receive(ghost, now_s)]
+
+    def receive(self, data: bytes, now_s: float) -> list[Frame]:
+        return self._shell.receive(data, now_s)
+
+    def work(self, now_s: float) -> list[Frame]:
+        return self._shell.work(now_s)
 
 
 @pytest.mark.parametrize('name', ['c3', 'uav', 'auv_1'])
 def test_strangers_are_not_obeyed_even_if_they_could_be_heard(name: str) -> None:
-    mission = fly(lambda shells: shells.update({name: Haunted(shells[name].agent)}))
+    mission = fly(lambda shells: shells.update({name: Haunted(shells[name])}))
     assert_unchanged(mission)
     assert {node for node, _ in mission.refused} == {name}
     assert {event.reason for _, event in mission.refused} == {
         *('unknown_sender', 'not_addressed', 'malformed')
     }
+
+
+# --- with a key ----------------------------------------------------------------------------------
+
+
+@functools.cache
+def signed() -> Mission:
+    """Fly the honest mission with everything signed: it is the same, but for the signatures."""
+    mission = fly(authenticator=Authenticator(new_key()))
+    assert_unchanged(mission)
+    assert mission.radio == honest().radio
+    return mission
+
+
+def test_the_channel_carries_nothing_that_is_not_signed() -> None:
+    mallory = Mallory(C3)
+    mallory.said[AT_HOME_S] = [
+        MY_REPORT,
+        Authenticator(new_key()).sign(MY_REPORT),
+        sent(LIE, src='auv_1', dst='uav'),
+        MY_REPORT[:-1],
+    ]
+    mission = fly(lambda shells: shells.update({MALLORY: mallory}), Authenticator(new_key()))
+    assert mission.log == signed().log
+    assert Counter(mission.radio) - Counter(signed().radio) == {
+        'auth': 2,
+        'unknown_sender': 1,
+        'malformed': 1,
+    }
+
+
+@pytest.mark.parametrize('name', ['c3', 'uav', 'auv_1'])
+def test_strangers_without_the_key_are_told_by_their_signature(name: str) -> None:
+    authenticator = Authenticator(new_key())
+    mission = fly(lambda shells: shells.update({name: Haunted(shells[name])}), authenticator)
+    assert mission.log == signed().log
+    assert {node for node, _ in mission.refused} == {name}
+    assert {event.reason for _, event in mission.refused} == {'auth', 'malformed'}
 
 
 def test_the_mission_of_these_tests_does_depend_on_what_is_heard() -> None:
