@@ -20,8 +20,12 @@ class AgentParams(Params, frozen=True):
         param("file with the mission's key, readable by its owner only; empty: nothing is signed"),
     ] = ''
     max_message_bytes: Annotated[
-        int, param('the longest message that the radio carries', unit='bytes', ge=256, le=2**30)
+        int, param('the longest message that the radio carries', unit='bytes', ge=720, le=2**30)
     ] = 1_048_576
+    copies: Annotated[
+        int,
+        param('how often a message is said at a time; more for a radio that loses', ge=1, le=8),
+    ] = 1
     response_s: Annotated[
         float, param('how long an answer by radio takes at most', unit='s', ge=0, le=1e6)
     ] = 0.0

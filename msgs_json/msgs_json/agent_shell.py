@@ -11,8 +11,11 @@ import msgspec
 from msgs_json import codec
 from msgs_json.agent import Agent, Log, Output, Publish, Refuse, Transmit, Worker
 from msgs_json.codec import MessageError, Refusal
+from msgs_json.fragments import Incoming, Outgoing
 from msgs_json.messages import (
     RADIO_MESSAGES,
+    Fragment,
+    FragmentReceipt,
     Message,
     MessageRefused,
     StorageFailed,
@@ -35,6 +38,9 @@ _BOOTS, _HIGHEST, _UNSAID, _VEHICLE = 'boots', 'heard', 'unsaid', 'vehicle'
 
 _BOOT_BITS = 32
 """A process counts what it says below this bit; above is how many processes there were before."""
+
+FRAME_BYTES = 1_048_576
+"""The longest message of a radio that is not known to carry less."""
 
 _SENDERS_MAX = 32
 """Refusals are told apart for so many senders: strangers choose their names as they like."""
@@ -90,6 +96,10 @@ class Speaker:
             payload = self._authenticator.sign(payload)
         return Frame(topic, Text(payload))
 
+    def take_back(self, topic: Topic) -> None:
+        """Count the last frame of a topic as not made: it is not going to be published."""
+        self._seq[topic.name] -= 1
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AgentSetting:
@@ -142,16 +152,27 @@ class AgentShell:
         Store and key.
     vehicle
         The driver of the agent's vehicle, if it has one.
+    frame_bytes
+        The longest message that the radio carries; longer ones go in fragments.
+    copies
+        How often each message is said at a time: one that is lost costs a tick.
 
     Raises
     ------
     StoreError
         The store cannot be written to, before anything else happens.
+    ValueError
+        The radio's frames are too short even for fragments.
 
     """
 
     def __init__(
-        self, agent: Agent, setting: AgentSetting, vehicle: Vehicle | None = None
+        self,
+        agent: Agent,
+        setting: AgentSetting,
+        vehicle: Vehicle | None = None,
+        frame_bytes: int = FRAME_BYTES,
+        copies: int = 1,
     ) -> None:
         self.agent = agent
         self.refused: Counter[tuple[str, Refusal]] = Counter()
@@ -164,6 +185,12 @@ class AgentShell:
         self._vehicle_memory: bytes | None = None
         """As it is stored."""
         self._cannot_store = False
+        self._frame_bytes = frame_bytes
+        self._copies = copies
+        self._heard: set[tuple[str, bytes]] = set()
+        """Who said what since the tick began; a copy of it is not handed to the agent again."""
+        self._outgoing = Outgoing(frame_bytes)
+        self._incoming = Incoming()
         boot = self._store.load(_BOOTS, int).get('', -1) + 1
         self._speaker = Speaker(agent.name, boot, setting.authenticator)
         self._windows = {
@@ -189,19 +216,30 @@ class AgentShell:
 
     def tick(self, now_s: float) -> list[Frame]:
         """Tick the agent."""
+        self._heard.clear()
         unsaid, self._unsaid = self._unsaid, []
         return [*unsaid, *self._stored(self.agent.tick(now_s), now_s)]
 
     def receive(self, data: bytes, now_s: float) -> list[Frame]:
         """Hand the agent what came by radio, if it may be heard."""
         try:
-            src, message = self._admit(data)
+            src, message, is_copy = self._admit(data)
         except MessageError as error:
             self.genuine_from = self._source(data)
             refused = Refuse(error.sender, error.refusal, error.detail)
             return self._frames([refused], now_s)
         self.genuine_from = src
-        return self._stored(self.agent.receive(src, message, now_s), now_s)
+        match message:
+            case _ if is_copy:
+                outputs = []
+            case Fragment():
+                outputs = self._take_fragment(src, message, now_s)
+            case FragmentReceipt():
+                self._outgoing.receipt(src, message)
+                outputs = []
+            case _:
+                outputs = self.agent.receive(src, message, now_s)
+        return self._stored(outputs, now_s)
 
     def work(self, now_s: float) -> list[Frame]:
         """Let the agent do a slice of its work, if it has any."""
@@ -209,7 +247,8 @@ class AgentShell:
 
     # --- what comes in ---------------------------------------------------------------------------
 
-    def _admit(self, data: bytes) -> tuple[str, Message]:
+    def _admit(self, data: bytes) -> tuple[str, Message, bool]:
+        """Return who said what, and whether it was heard in this tick already."""
         envelope = codec.open_envelope(data)
         if self._authenticator is not None and not self._authenticator.check(data):
             raise MessageError(
@@ -235,7 +274,22 @@ class AgentShell:
         body = codec.open_body(envelope)
         if self._authenticator is not None:
             self._note_heard(envelope.src, envelope.seq)
-        return envelope.src, body
+        said = (envelope.src, bytes(envelope.body))
+        is_copy = said in self._heard
+        self._heard.add(said)
+        return envelope.src, body, is_copy
+
+    def _take_fragment(self, src: str, fragment: Fragment, now_s: float) -> list[Output]:
+        """Hand the agent a message that has come in fragments, once it is complete."""
+        try:
+            receipt, whole = self._incoming.take(src, fragment)
+            message = codec.read_body(*whole, src) if whole is not None else None
+        except MessageError as error:
+            return [Refuse(error.sender, error.refusal, error.detail)]
+        output: list[Output] = [Transmit(src, receipt)]
+        if message is not None:
+            output += self.agent.receive(src, message, now_s)
+        return output
 
     def _source(self, data: bytes) -> str | None:
         """Return who sent something that was refused, if it is sound and meant for this agent."""
@@ -294,7 +348,8 @@ class AgentShell:
         for output in outputs:
             match output:
                 case Transmit(dst, body):
-                    frames.append(self._speaker.frame(RADIO_TX, body, now_s, dst))
+                    for _ in range(self._copies):
+                        frames += self._by_radio(dst, body, now_s)
                 case Publish(topic, message):
                     if isinstance(message, Message):
                         frames.append(self._speaker.frame(topic, message, now_s))
@@ -305,6 +360,18 @@ class AgentShell:
                 case Refuse():
                     frames += self._refuse(output, now_s)
         return frames
+
+    def _by_radio(self, dst: str, body: Message, now_s: float) -> list[Frame]:
+        """Return a message as the radio carries it: in one piece, or what is due of its pieces."""
+        frame = self._speaker.frame(RADIO_TX, body, now_s, dst)
+        if isinstance(frame.message, Text) and len(frame.message.data) <= self._frame_bytes:
+            return [frame]
+        self._speaker.take_back(RADIO_TX)
+        schema, encoded = codec.schema_of(body), codec.encode_body(body)
+        return [
+            self._speaker.frame(RADIO_TX, fragment, now_s, dst)
+            for fragment in self._outgoing.fragments(dst, schema, encoded)
+        ]
 
     def _refuse(self, refused: Refuse, now_s: float) -> list[Frame]:
         key = (self._known(refused.sender), refused.refusal)

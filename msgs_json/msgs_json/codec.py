@@ -117,6 +117,11 @@ def schema_of(body: Message) -> str:
             return type(body).__name__
 
 
+def encode_body(body: Message) -> bytes:
+    """Return the JSON of a message as it stands in an envelope."""
+    return _encoder.encode(body)
+
+
 def encode(body: Message, *, src: str, dst: str, seq: int, stamp_s: float) -> bytes:
     """Return the JSON of an envelope."""
     return _encoder.encode(
@@ -127,7 +132,7 @@ def encode(body: Message, *, src: str, dst: str, seq: int, stamp_s: float) -> by
             dst=dst,
             seq=seq,
             stamp=stamp_s,
-            body=msgspec.Raw(_encoder.encode(body)),
+            body=msgspec.Raw(encode_body(body)),
             auth=None,
         )
     )
@@ -166,17 +171,28 @@ def open_body(envelope: Envelope) -> Message:
         Where the schema is unknown or the body is not of its shape or ranges.
 
     """
-    if envelope.schema not in SCHEMA_TYPES:
+    return read_body(envelope.schema, envelope.body, envelope.src)
+
+
+def read_body(schema: str, body: bytes | msgspec.Raw, src: str) -> Message:
+    """
+    Return the typed body that somebody said, by the name of its schema.
+
+    Raises
+    ------
+    MessageError
+        Where the schema is unknown or the body is not of its shape or ranges.
+
+    """
+    if schema not in SCHEMA_TYPES:
         known = ', '.join(sorted(SCHEMA_TYPES))
         raise MessageError(
-            Refusal.UNKNOWN_SCHEMA,
-            envelope.src,
-            f'`$.schema` is {envelope.schema!r}; known are {known}',
+            Refusal.UNKNOWN_SCHEMA, src, f'`$.schema` is {schema!r}; known are {known}'
         )
     try:
-        return _body_decoder(envelope.schema).decode(envelope.body)
+        return _body_decoder(schema).decode(body)
     except _UNREADABLE as error:
-        raise MessageError(Refusal.MALFORMED, envelope.src, _located(error, '$.body')) from None
+        raise MessageError(Refusal.MALFORMED, src, _located(error, '$.body')) from None
 
 
 def decode(data: bytes) -> tuple[Envelope, Message]:

@@ -58,8 +58,8 @@ _OTHER_BYTES = signed_envelope_bytes(
 
 
 def samples_per_frame(frame_bytes: int) -> int:
-    """Return how many samples a message of at most so many bytes holds; at least one."""
-    return max(1, (frame_bytes - _OTHER_BYTES) // _SAMPLE_BYTES)
+    """Return how many samples a message of at most so many bytes holds; one from 720 bytes on."""
+    return (frame_bytes - _OTHER_BYTES) // _SAMPLE_BYTES
 
 
 class SampleCustody:

@@ -39,7 +39,7 @@ class WorldParams(Params, frozen=True):
     c3_north_m: Annotated[float, param('position of the station', unit='m', ge=-1e6, le=1e6)] = 0.0
     range_m: Annotated[float, param('radio range, R', unit='m', ge=0.001, le=1e6)] = 20.0
     max_message_bytes: Annotated[
-        int, param('longer radio messages are blocked', unit='bytes', ge=256, le=2**30)
+        int, param('longer radio messages are blocked', unit='bytes', ge=720, le=2**30)
     ] = 1_048_576
     radio_queue_frames: Annotated[
         int, param('so many frames wait while a radio is sending', unit='frames', ge=1, le=2**30)

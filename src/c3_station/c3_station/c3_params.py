@@ -37,4 +37,4 @@ def make_c3(params: C3Params, setting: AgentSetting) -> AgentShell:
     """
     scenario = parse_scenario(params.scenario)
     agent = C3Agent(params.name, scenario, params.uav, params.status_period_s, setting.store)
-    return AgentShell(agent, setting)
+    return AgentShell(agent, setting, frame_bytes=params.max_message_bytes, copies=params.copies)

@@ -12,6 +12,7 @@ from auv_sim.radio_model import RadioOutage
 from auv_sim.surfacing import Silent, surfacing_model
 from auv_sim.world_params import WorldParams
 from c3_station.c3_params import C3Params
+from c3_station.radio_timing import copies, hearing_s, response_s
 from c3_station.scenario import C3 as C3
 from c3_station.scenario import UAV as UAV
 from c3_station.scenario import Scenario
@@ -49,15 +50,25 @@ def mission_params(scenario: Scenario) -> MissionParams:
             tick_s=scenario.tick_s,
             max_mission_s=scenario.max_mission_s,
         ),
-        c3=C3Params(name=C3, uav=UAV, scenario=_json(scenario)),
+        c3=C3Params(
+            name=C3,
+            uav=UAV,
+            max_message_bytes=scenario.radio.max_message_bytes,
+            copies=copies(scenario),
+            scenario=_json(scenario),
+        ),
         uav=UavParams(
             name=UAV,
             c3=C3,
+            max_message_bytes=scenario.radio.max_message_bytes,
+            copies=copies(scenario),
+            response_s=response_s(scenario, UAV, C3),
             home_east_m=scenario.c3.east_m,
             home_north_m=scenario.c3.north_m,
             speed_mps=scenario.uav.speed_mps,
             altitude_m=scenario.uav.altitude_m,
             arrival_radius_m=scenario.uav.arrival_radius_m,
+            hearing_s=hearing_s(scenario),
             tick_s=scenario.tick_s,
             wind_east_mps=scenario.uav.wind_east_mps,
             wind_north_mps=scenario.uav.wind_north_mps,
@@ -69,6 +80,9 @@ def mission_params(scenario: Scenario) -> MissionParams:
             AuvParams(
                 name=auv.name,
                 uav=UAV,
+                max_message_bytes=scenario.radio.max_message_bytes,
+                copies=copies(scenario),
+                response_s=response_s(scenario, auv.name, UAV),
                 speed_mps=auv.speed_mps,
                 depth_m=auv.depth_m,
                 cols=region.cols,

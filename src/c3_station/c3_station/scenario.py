@@ -63,7 +63,7 @@ class Radio(LinkModel, frozen=True, kw_only=True):
     """The channel between surfaced vehicles; what holds for all links stands here as well."""
 
     range_m: Annotated[float, msgspec.Meta(ge=0.001, le=1e6)]
-    max_message_bytes: Annotated[int, msgspec.Meta(ge=256, le=2**30)] = 1_048_576
+    max_message_bytes: Annotated[int, msgspec.Meta(ge=720, le=2**30)] = 1_048_576
     queue_frames: Annotated[int, msgspec.Meta(ge=1, le=2**30)] = 16
     """So many frames wait while a radio is sending; what is said beyond that is blocked."""
     links: tuple[Link, ...] = ()

@@ -17,23 +17,12 @@ from auv_sim.surfacing import surfacing_model
 from auv_sim.survey_field import make_field
 from c3_station.c3_agent import mission_order
 from c3_station.radio_checks import radio_problems
+from c3_station.radio_timing import hearing_s
 from c3_station.scenario import RESERVED_NAMES, Limits, Scenario
 from c3_station.scheduled_commands import operator_command
 from c3_station.shape_checks import KeyPath, Problem, nearest
-from msgs_json import codec
 from msgs_json.drivers import find_driver, registered_drivers
 from msgs_json.geometry import mask_problems, path_problem, unreachable_cells
-from msgs_json.messages import (
-    AuvOrder,
-    ExpectedContact,
-    Leg,
-    LegOutcome,
-    Meeting,
-    MissionOrder,
-    SampleSpan,
-    SortieOutlook,
-    SortieReport,
-)
 from msgs_json.straight_motion import Flow
 from uav_planner.guarantee import initial_problem
 from uav_planner.mission_order import UavSetup, mission_spec
@@ -50,7 +39,6 @@ def mission_problems(scenario: Scenario) -> list[Problem]:
     problems = [*_inconsistencies(scenario), *_unknown_parts(scenario)]
     return problems or [
         *_unreachable(scenario),
-        *_radio(scenario),
         *_refused(scenario),
     ]
 
@@ -154,87 +142,6 @@ def _unreachable(scenario: Scenario) -> Iterator[Problem]:
         )
 
 
-# --- the longest message -------------------------------------------------------------------------
-
-_WIDE_NAME = 'n' * 32
-_WIDE_INT = 2**53
-_WIDE_FLOAT = -1.7976931348623157e-300
-"""No value takes more characters: an upper bound need not be a value that can occur."""
-
-
-def _radio(scenario: Scenario) -> Iterator[Problem]:
-    needed, given = longest_message_bytes(scenario), scenario.radio.max_message_bytes
-    if given < needed:
-        yield Problem(
-            ('radio', 'max_message_bytes'),
-            f'is {given:,}; allowed: at least {needed:,}, the longest message of this mission'
-            ' (a longer one would never arrive, nor would any behind it)',
-        )
-
-
-def longest_message_bytes(scenario: Scenario) -> int:
-    """
-    Return a size that no radio message of the mission exceeds.
-
-    The longest are the mission order and the report of a sortie that met every AUV after a full
-    leg; a surfacing report is a part of the latter.
-    """
-    return max(
-        len(codec.encode(body, src=_WIDE_NAME, dst=_WIDE_NAME, seq=_WIDE_INT, stamp_s=_WIDE_FLOAT))
-        for body in (_longest_order(scenario), _longest_report(scenario))
-    )
-
-
-def _longest_order(scenario: Scenario) -> MissionOrder:
-    return msgspec.structs.replace(
-        mission_order(scenario, 0.0),
-        auvs=tuple(
-            AuvOrder(
-                name=auv.name, speed_mps=auv.speed_mps, leg=_wide_leg(len(auv.initial_path) - 1)
-            )
-            for auv in scenario.auvs
-        ),
-    )
-
-
-def _longest_report(scenario: Scenario) -> SortieReport:
-    path_cells = scenario.planner.path_cells
-    next_leg = _wide_leg(path_cells)
-    cell = next_leg.path[0]
-    names = tuple(auv.name for auv in scenario.auvs)
-    return SortieReport(
-        sortie=_WIDE_INT,
-        departed_s=_WIDE_FLOAT,
-        returned_s=_WIDE_FLOAT,
-        meetings=tuple(
-            Meeting(
-                auv=name,
-                time_s=_WIDE_FLOAT,
-                cell=cell,
-                ended_leg_id=_WIDE_INT,
-                outcome=LegOutcome.COMPLETED,
-                next_leg=next_leg,
-            )
-            for name in names
-        ),
-        missed=names,
-        not_reached=names,
-        lost=names,
-        cargo=tuple(SampleSpan(auv=name, first=_WIDE_INT - 1, until=_WIDE_INT) for name in names),
-        next_sortie=SortieOutlook(
-            departs_s=_WIDE_FLOAT,
-            returns_by_s=_WIDE_FLOAT,
-            contacts=tuple(ExpectedContact(auv=name, time_s=_WIDE_FLOAT) for name in names),
-        ),
-    )
-
-
-def _wide_leg(moves: int) -> Leg:
-    """Return a leg to and fro between two cells in the far corner of the largest region."""
-    path = tuple((999 - index % 2, 999) for index in range(moves + 1))
-    return Leg(leg_id=_WIDE_INT, path=path, surface_deadline_s=_WIDE_FLOAT)
-
-
 # --- does the planner take the mission? ----------------------------------------------------------
 
 
@@ -248,6 +155,7 @@ def _refused(scenario: Scenario) -> Iterator[Problem]:
         altitude_m=scenario.uav.altitude_m,
         tick_s=scenario.tick_s,
         arrival_radius_m=scenario.uav.arrival_radius_m,
+        hearing_s=hearing_s(scenario),
     )
     mission = mission_spec(order, uav)
     legs = tuple(

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 from msgspec import structs
 
-from msgs_json.geometry import mask_problems, path_problem, unreachable_cells
+from msgs_json.geometry import mask_problems, path_problem, unreachable_cells, whole_ticks
 from uav_planner.planning import MissionSpec
 
 if TYPE_CHECKING:
@@ -32,14 +32,26 @@ class UavSetup:
     tick_s: float
     arrival_radius_m: float
     """Closer than this to a waypoint counts as there; 0 for a vehicle that arrives exactly."""
+    hearing_s: float = 0.0
+    """How long a frame of an AUV takes at most until it is heard."""
+
+    @property
+    def short_of_range_m(self) -> float:
+        """
+        Return by how much shorter than the radio's range the UAV has to plan, metres.
+
+        It may hold an arrival radius short of a waypoint, and has flown on when a frame arrives.
+        """
+        flown_on_m = self.speed_mps * self.tick_s * whole_ticks(self.hearing_s / self.tick_s)
+        return self.arrival_radius_m + flown_on_m
 
 
 def problem_with_order(order: MissionOrder, setup: UavSetup) -> str | None:
     """Return why an order is no mission, or None."""
-    if order.radio_range_m <= setup.arrival_radius_m:
+    if order.radio_range_m <= setup.short_of_range_m:
         return (
-            f'radio_range_m must be more than the arrival radius of {setup.arrival_radius_m:g} m,'
-            f' is {order.radio_range_m:g}'
+            f'radio_range_m must be more than {setup.short_of_range_m:g} m, the arrival radius and'
+            f' the way until a frame is heard, is {order.radio_range_m:g}'
         )
     if order.sortie_limit_s < setup.tick_s:
         return (
@@ -71,8 +83,8 @@ def mission_spec(order: MissionOrder, setup: UavSetup) -> MissionSpec:
     return MissionSpec(
         grid=order.region,
         c3=order.c3,
-        # It may hold that much short of a waypoint, and all of the leg must be heard there.
-        radio_range_m=order.radio_range_m - setup.arrival_radius_m,
+        # All of the leg must be heard there.
+        radio_range_m=order.radio_range_m - setup.short_of_range_m,
         uav_speed_mps=setup.speed_mps,
         tick_s=setup.tick_s,
         sortie_limit_s=order.sortie_limit_s,

@@ -74,6 +74,8 @@ class _Sortie:
     departed_s: float | None = None
     cursor: int = 0
     """Index of the waypoint flown to; past the last one it is C3."""
+    listens_from_s: float | None = None
+    """Since when it listens at the last waypoint of an AUV; None elsewhere."""
     met: dict[str, tuple[float, SurfacingReport]] = field(default_factory=dict)
     """AUVs met: when, and what they reported."""
     missed: set[str] = field(default_factory=set)
@@ -92,6 +94,7 @@ class _Sortie:
             order=self.order,
             departed_s=self.departed_s,
             cursor=self.cursor,
+            listens_from_s=self.listens_from_s,
             met={
                 auv: (met_s, msgspec.structs.replace(report, samples=()))
                 for auv, (met_s, report) in self.met.items()
@@ -147,6 +150,7 @@ class _SortieMemory(msgspec.Struct, frozen=True, kw_only=True):
     order: tuple[str, ...]
     departed_s: float | None
     cursor: int
+    listens_from_s: float | None
     met: dict[str, tuple[float, SurfacingReport]]
     missed: tuple[str, ...]
     not_reached: tuple[str, ...]
@@ -165,6 +169,7 @@ class _SortieMemory(msgspec.Struct, frozen=True, kw_only=True):
             order=self.order,
             departed_s=self.departed_s,
             cursor=self.cursor,
+            listens_from_s=self.listens_from_s,
             met=dict(self.met),
             missed=set(self.missed),
             not_reached=self.not_reached,
@@ -539,10 +544,18 @@ class UavAgent:
                 if is_before(self._now_s, waypoint.surface_deadline_s):
                     break
                 if sortie.cursor + 1 == len(route) or route[sortie.cursor + 1].auv != waypoint.auv:
+                    if self._may_be_on_the_air(sortie):
+                        break
                     output += self._miss(sortie, waypoint.auv)
             sortie.cursor += 1
-            self._is_changed = True
+            sortie.listens_from_s, self._is_changed = None, True
         return output
+
+    def _may_be_on_the_air(self, sortie: _Sortie) -> bool:
+        """Return whether what an AUV says may not yet be heard at the last of its waypoints."""
+        if sortie.listens_from_s is None:
+            sortie.listens_from_s, self._is_changed = self._now_s, True
+        return is_before(self._now_s, sortie.listens_from_s + self._setup.hearing_s)
 
     def _miss(self, sortie: _Sortie, auv: str) -> list[Output]:
         """Note that an AUV was searched to the end and not heard."""

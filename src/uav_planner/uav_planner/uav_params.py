@@ -38,6 +38,9 @@ class UavParams(AgentParams, frozen=True):
         float,
         param('closer than this to a waypoint counts as there', unit='m', ge=0, le=1000),
     ] = 0.0
+    hearing_s: Annotated[
+        float, param('how long a frame of an AUV takes until it is heard', unit='s', ge=0, le=1e6)
+    ] = 0.0
     wind_east_mps: Annotated[
         float, param('steady wind over the simulated UAV', unit='m/s', ge=-100, le=100)
     ] = 0.0
@@ -85,10 +88,13 @@ def make_uav(
             altitude_m=params.altitude_m,
             tick_s=params.tick_s,
             arrival_radius_m=params.arrival_radius_m,
+            hearing_s=params.hearing_s,
         ),
         planner or make_planner(params.planner, **options),
         driver,
         setting.store,
         SampleCustody(setting.store, params.max_message_bytes, params.response_s),
     )
-    return AgentShell(agent, setting)  # TEMP driver
+    return AgentShell(  # TEMP driver
+        agent, setting, None, frame_bytes=params.max_message_bytes, copies=params.copies
+    )
