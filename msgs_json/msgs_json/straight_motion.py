@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
-if TYPE_CHECKING:
-    from msgs_json.geometry import Point
+import msgspec
+
+from msgs_json.geometry import Point
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -45,37 +45,52 @@ class Flow:
 STILL = Flow()
 
 
+class Hop(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """A straight way; where a vehicle is on it follows from the time."""
+
+    origin: Point
+    target: Point
+    heading_rad: float
+    """To the target, 0 = east, counter-clockwise; where that is the origin, as the hop before."""
+    began_s: float | None
+    """None before the first step, at which it then begins."""
+
+
 class StraightMotion:
     """
     The horizontal motion of a simulated vehicle in frame ``map``.
 
     The position follows from where and when the present hop began, not from the position a step
-    before: rounding does not add up, so a hop takes `geometry.whole_ticks` of its length.
-    ``speed_mps`` is through the air or the water; in a flow the way over ground takes accordingly
-    longer or shorter.
+    before: rounding does not add up, so a hop takes `geometry.whole_ticks` of its length, and the
+    hop is all that another motion needs to know to go on as this one. ``speed_mps`` is through the
+    air or the water; in a flow the way over ground takes accordingly longer or shorter.
     """
 
     def __init__(self, start: Point, speed_mps: float, flow: Flow = STILL) -> None:
-        self.position = start
-        self.target = start
-        self.ground_speed_mps = speed_mps
-        """On the way to the target."""
         self._speed_mps = speed_mps
         self._flow = flow
-        self._now_s: float | None = None
-        """Time of the last step."""
-        self._origin = start
-        """Where the present hop began."""
-        self._origin_s: float | None = None
-        """When it began; None before the first step, at which it then begins."""
+        self.hop: Hop
+        """The present one."""
+        self.ground_speed_mps: float
+        """On the way to the target."""
+        self.position: Point
+        self._now_s: float | None
+        """Time of the last step, as far as it is known."""
+        self.recall(Hop(origin=start, target=start, heading_rad=0.0, began_s=None))
 
     def head_for(self, target: Point) -> None:
         """Move straight to a point and hold there, from the next step on."""
-        if target == self.target:
+        if target == self.hop.target:
             return  # under way already; a new beginning in mid-hop would add rounding
-        self.target = target
-        self._origin, self._origin_s = self.position, self._now_s
-        self.ground_speed_mps = self._flow.ground_speed_mps(self._speed_mps, self.position, target)
+        here, heading_rad = self.position, self.hop.heading_rad
+        if target != here:
+            heading_rad = math.atan2(target.north_m - here.north_m, target.east_m - here.east_m)
+        self._begin(Hop(origin=here, target=target, heading_rad=heading_rad, began_s=self._now_s))
+
+    def recall(self, hop: Hop) -> None:
+        """Go on, with the next step, as the motion whose hop this was."""
+        self.position, self._now_s = hop.origin, hop.began_s
+        self._begin(hop)
 
     def step(self, now_s: float) -> None:
         """
@@ -84,7 +99,15 @@ class StraightMotion:
         The first step does not move. Where time goes back nothing moves until it has caught up.
         """
         self._now_s = now_s if self._now_s is None else max(now_s, self._now_s)
-        if self._origin_s is None:
-            self._origin_s = self._now_s
-        moved_m = self.ground_speed_mps * (self._now_s - self._origin_s)
-        self.position = self._origin.toward(self.target, moved_m)
+        began_s = self.hop.began_s
+        if began_s is None:
+            began_s = self._now_s
+            self.hop = msgspec.structs.replace(self.hop, began_s=began_s)
+        moved_m = self.ground_speed_mps * (self._now_s - began_s)
+        self.position = self.hop.origin.toward(self.hop.target, moved_m)
+
+    def _begin(self, hop: Hop) -> None:
+        self.hop = hop
+        self.ground_speed_mps = self._flow.ground_speed_mps(
+            self._speed_mps, hop.origin, hop.target
+        )

@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
 from bisect import bisect_right
 from itertools import accumulate, count, pairwise
 from typing import TYPE_CHECKING
 
+import msgspec
 import pytest
 from msgspec.structs import replace
 
 from msgs_json.driver_checks import BrokenRuleError, check_auv_driver, check_uav_driver
 from msgs_json.driver_checks.auv_rules import AUV_RULES
+from msgs_json.driver_checks.memory_rules import MEMORY_RULES
 from msgs_json.driver_checks.shared_rules import SHARED_RULES
 from msgs_json.driver_checks.uav_rules import UAV_RULES
 from msgs_json.drivers import (
@@ -44,6 +47,7 @@ class GoodUav:
         self.here = self.origin = self.target = setup.home
         self.now_s: float | None = None
         self.origin_s: float | None = None
+        self.kept = b''
 
     def go_to(self, target: Point) -> None:
         if not math.isfinite(target.east_m + target.north_m):
@@ -73,6 +77,16 @@ class GoodUav:
             heading_rad=0.0,
             speed_mps=self.setup.speed_mps,
         )
+
+    def memory(self) -> bytes:
+        known = msgspec.msgpack.encode((self.origin, self.target, self.origin_s))
+        if known != self.kept:
+            self.kept = known
+        return self.kept
+
+    def recall(self, memory: bytes) -> None:
+        known = msgspec.msgpack.decode(memory, type=tuple[Point, Point, float | None])
+        self.origin, self.target, self.origin_s = known
 
 
 def between(start: Point, end: Point, share: float) -> Point:
@@ -246,6 +260,26 @@ class GivesUp(GoodUav):
         return super().step(now_s)
 
 
+class Forgets(GoodUav):
+    """Flies on from its memory, but as if it had just been sent off."""
+
+    def recall(self, memory: bytes) -> None:
+        super().recall(memory)
+        self.origin_s = None
+
+
+class CopiesItsMemory(GoodUav):
+    def memory(self) -> bytes:
+        self.kept = b''
+        return super().memory()
+
+
+class BelievesAnything(GoodUav):
+    def recall(self, memory: bytes) -> None:
+        with contextlib.suppress(ValueError):
+            super().recall(memory)
+
+
 @pytest.mark.parametrize(
     ('broken_driver', 'rule'),
     [
@@ -264,6 +298,9 @@ class GivesUp(GoodUav):
         (HasNoHeading, 'states_are_finite'),
         (HasItsMoods, 'same_commands_same_states'),
         (GivesUp, 'heard_again_is_there_again'),
+        (Forgets, 'goes_on_from_its_memory'),
+        (CopiesItsMemory, 'has_the_same_memory_until_that_changes'),
+        (BelievesAnything, 'refuses_what_is_no_memory'),
     ],
 )
 def test_broken_uav_is_caught(broken_driver: type[GoodUav], rule: str) -> None:
@@ -295,6 +332,7 @@ class GoodAuv:
         self.up = True
         self.now_s: float | None = None
         self.origin_s: float | None = None
+        self.kept = b''
 
     def follow(self, waypoints: Sequence[Point]) -> None:
         if not waypoints or not all(math.isfinite(p.east_m + p.north_m) for p in waypoints):
@@ -338,6 +376,21 @@ class GoodAuv:
             surfaced=self.up,
             waypoints_reached=self.reached,
         )
+
+    def memory(self) -> bytes:
+        place = (self.here, self.reached) if self.up else None
+        known = msgspec.msgpack.encode((self.line, self.origin_s, place))
+        if known != self.kept:
+            self.kept = known
+        return self.kept
+
+    def recall(self, memory: bytes) -> None:
+        self.line, self.origin_s, place = msgspec.msgpack.decode(
+            memory, type=tuple[tuple[Point, ...], float | None, tuple[Point, int] | None]
+        )
+        self.up = place is not None
+        if place is not None:
+            self.here, self.reached = place
 
 
 class ForgivesNoRounding(GoodAuv):
@@ -459,6 +512,14 @@ class SwimsByCalls(GoodAuv):
         return self.steps * (self.tick_s or 0.0)
 
 
+class DivesAgain(GoodAuv):
+    """Forgets that it was told to come up."""
+
+    def recall(self, memory: bytes) -> None:
+        super().recall(memory)
+        self.up = len(self.line) == 1
+
+
 @pytest.mark.parametrize(
     ('broken_driver', 'rule'),
     [
@@ -477,6 +538,7 @@ class SwimsByCalls(GoodAuv):
         (CountsOn, 'takes_another_leg'),
         (BreathesOnce, 'takes_another_leg'),
         (SwimsAnywhere, 'refuses_a_leg_that_leads_nowhere'),
+        (DivesAgain, 'goes_on_from_its_memory_at_the_surface'),
     ],
 )
 def test_broken_auv_is_caught(broken_driver: type[GoodAuv], rule: str) -> None:
@@ -507,13 +569,16 @@ def test_auv_may_count_waypoints_within_its_radius() -> None:
     check_auv_driver(CountsEarly, capture_radius_m=4.0)
 
 
+ALL_RULES = (*SHARED_RULES, *UAV_RULES, *AUV_RULES, *MEMORY_RULES)
+
+
 def test_every_rule_has_a_driver_that_breaks_it() -> None:
     broken = {
         rule
         for test in (test_broken_uav_is_caught, test_broken_auv_is_caught)
         for _, rule in test.pytestmark[0].args[1]
     }
-    assert broken == {rule.__name__ for rule in (*SHARED_RULES, *UAV_RULES, *AUV_RULES)}
+    assert broken == {rule.__name__ for rule in ALL_RULES}
 
 
 def test_broken_rule_says_at_which_pace() -> None:

@@ -156,7 +156,7 @@ def test_a_hop_in_the_wind_takes_its_time_over_ground() -> None:
     assert motion.ground_speed_mps == 4.0
     motion.head_for(Point(east_m=60.0, north_m=-4.0))
     motion.step(11.5)
-    assert motion.position == motion.target
+    assert motion.position == motion.hop.target
 
 
 def test_too_strong_a_wind_keeps_it_where_it_is() -> None:

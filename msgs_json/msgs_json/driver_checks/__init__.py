@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING
 
 from msgs_json.driver_checks.auv_rules import AUV_PACES, AUV_RULES, auv_bench
 from msgs_json.driver_checks.bench import BrokenRuleError, enforce
+from msgs_json.driver_checks.memory_rules import MEMORY_RULES
 from msgs_json.driver_checks.shared_rules import SHARED_RULES
 from msgs_json.driver_checks.uav_rules import UAV_PACES, UAV_RULES, uav_bench
 
@@ -46,7 +47,8 @@ def check_uav_driver(make_driver: MakeUavDriver, *, arrival_radius_m: float = 0.
 
     """
     for pace in UAV_PACES:
-        enforce((*SHARED_RULES, *UAV_RULES), uav_bench(make_driver, pace, arrival_radius_m))
+        bench = uav_bench(make_driver, pace, arrival_radius_m)
+        enforce((*SHARED_RULES, *UAV_RULES, *MEMORY_RULES), bench)
 
 
 def check_auv_driver(
@@ -72,4 +74,4 @@ def check_auv_driver(
     """
     for pace in AUV_PACES:
         bench = auv_bench(make_driver, pace, capture_radius_m, vertical_mps)
-        enforce((*SHARED_RULES, *AUV_RULES), bench)
+        enforce((*SHARED_RULES, *AUV_RULES, *MEMORY_RULES), bench)

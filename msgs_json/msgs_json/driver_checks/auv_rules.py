@@ -62,17 +62,20 @@ def auv_bench(
     """Return the bench of an AUV driver at a pace."""
 
     def trial() -> Trial[AuvDriver, AuvState]:
-        setup = AuvDriverSetup(
-            name='auv_1',
-            start=START,
-            speed_mps=pace.speed_mps,
-            depth_m=DEPTH_M,
-            surfacing='{"model": "on_time"}',
-            rng=np.random.default_rng(1),
-        )
         autopilot = SimulatedAutopilot(START, 0.0, pace.speed_mps, vertical_mps)
-        driver = make_driver(setup, autopilot)
-        return Trial(driver, driver.step, autopilot, pace)
+
+        def driver() -> AuvDriver:
+            setup = AuvDriverSetup(
+                name='auv_1',
+                start=START,
+                speed_mps=pace.speed_mps,
+                depth_m=DEPTH_M,
+                surfacing='{"model": "on_time"}',
+                rng=np.random.default_rng(1),
+            )
+            return make_driver(setup, autopilot)
+
+        return Trial(driver, lambda driver, now_s: driver.step(now_s), autopilot, pace)
 
     return Bench(
         pace=pace,
@@ -259,6 +262,25 @@ def refuses_a_leg_that_leads_nowhere(bench: AuvBench) -> Iterator[str]:
                 yield f'{state}, should be {undisturbed}'
 
 
+def goes_on_from_its_memory_at_the_surface(bench: AuvBench) -> Iterator[str]:
+    """
+    Go on as one that was never interrupted after a restart on its way up, or up between two legs.
+
+    A vehicle is not sent down again by a driver that has forgotten that it was told to come up.
+    """
+    trial, other = bench.trial(), bench.trial()
+    yield from trial.keeps_up_with(other, 1)
+    for points in (LEG, (START, *leg((-1, 0), (0, 1)))):
+        trial.driver.follow(points)
+        other.driver.follow(points)
+        yield from trial.keeps_up_with(other, bench.settle_ticks + 17)
+        trial.driver.surface()
+        other.driver.surface()
+        for _ in range(bench.settle_ticks + 3):
+            trial.restart()
+            yield from trial.keeps_up_with(other, 1)
+
+
 AUV_RULES: tuple[Rule[AuvDriver, AuvState], ...] = (
     starts_surfaced,
     reaches_waypoints_in_whole_ticks,
@@ -269,4 +291,5 @@ AUV_RULES: tuple[Rule[AuvDriver, AuvState], ...] = (
     asks_for_no_help,
     takes_another_leg,
     refuses_a_leg_that_leads_nowhere,
+    goes_on_from_its_memory_at_the_surface,
 )

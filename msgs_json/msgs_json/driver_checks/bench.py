@@ -10,13 +10,13 @@ from typing import TYPE_CHECKING, Generic, TypeVar
 
 import numpy as np
 
-from msgs_json.drivers import VehicleState
+from msgs_json.drivers import Vehicle, VehicleState
 from msgs_json.geometry import Point
 
 if TYPE_CHECKING:
     from msgs_json.simulated_autopilot import SimulatedAutopilot
 
-DriverT = TypeVar('DriverT')
+DriverT = TypeVar('DriverT', bound=Vehicle)
 StateT = TypeVar('StateT', bound=VehicleState)
 
 ROUNDING_M = 1e-6
@@ -60,16 +60,23 @@ class Trial(Generic[DriverT, StateT]):
 
     def __init__(
         self,
-        driver: DriverT,
-        step: Callable[[float], StateT],
+        make_driver: Callable[[], DriverT],
+        step: Callable[[DriverT, float], StateT],
         autopilot: SimulatedAutopilot,
         pace: Pace,
     ) -> None:
-        self.driver = driver
+        self.driver = make_driver()
         self.autopilot = autopilot
+        self._make_driver = make_driver
         self._step = step
         self._pace = pace
         self._ticks_done: float | None = None
+
+    def restart(self) -> None:
+        """Go on with a driver made anew that recalls what the present one remembers."""
+        memory = self.driver.memory()
+        self.driver = self._make_driver()
+        self.driver.recall(memory)
 
     def tick(self, share: float = 1.0) -> StateT:
         """Go on by a tick, or a share of one, and step; the first step is at the start time."""
@@ -80,7 +87,14 @@ class Trial(Generic[DriverT, StateT]):
         """Step at the time of the step before."""
         now_s = self._pace.start_s + (self._ticks_done or 0.0) * self._pace.tick_s
         self.autopilot.step(now_s)
-        return self._step(now_s)
+        return self._step(self.driver, now_s)
+
+    def keeps_up_with(self, other: Trial[DriverT, StateT], ticks: int) -> Iterator[str]:
+        """Go on by some ticks, and yield where the other one comes into another state."""
+        for _ in range(ticks):
+            state, expected = self.tick(), other.tick()
+            if state != expected:
+                yield f'{state}, should be {expected}'
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

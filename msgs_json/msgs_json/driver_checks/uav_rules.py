@@ -46,8 +46,12 @@ def uav_bench(make_driver: MakeUavDriver, pace: Pace, radius_m: float) -> UavBen
             name='uav', home=START, speed_mps=pace.speed_mps, altitude_m=ALTITUDE_M
         )
         autopilot = SimulatedAutopilot(START, ALTITUDE_M, pace.speed_mps, math.inf)
-        driver = make_driver(setup, autopilot)
-        return Trial(driver, driver.step, autopilot, pace)
+        return Trial(
+            lambda: make_driver(setup, autopilot),
+            lambda driver, now_s: driver.step(now_s),
+            autopilot,
+            pace,
+        )
 
     far = Point(east_m=START.east_m + 50.4 * pace.step_m, north_m=START.north_m)
     return Bench(

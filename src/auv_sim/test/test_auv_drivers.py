@@ -19,6 +19,8 @@ from msgs_json.simulated_autopilot import SimulatedAutopilot
 from msgs_json.topics import SETPOINT
 
 if TYPE_CHECKING:
+    from types import ModuleType
+
     from msgs_json.drivers import AuvState
 
 REGION = GridSpec(cols=10, rows=10, cell_m=10.0)
@@ -330,6 +332,135 @@ def test_depth_that_is_no_depth_is_refused(depth_m: float) -> None:
 
 def test_depth_is_down_and_z_is_up() -> None:
     assert survey_z_m(1.0) == -1.0
+
+
+# --- a driver made anew --------------------------------------------------------------------------
+
+MODELS = (
+    '{"model": "on_time"}',
+    '{"model": "early", "probability": 0.7}',
+    '{"model": "slow", "least_factor": 0.5, "current_east_mps": 0.2}',
+    CURRENT % -5.1,
+    '{"model": "abort", "at_s": 40}',
+    '{"model": "lost", "from_s": 60.5}',
+)
+
+
+@given(
+    surfacing=st.sampled_from(MODELS),
+    seed=st.integers(0, 1000),
+    first_s=st.sampled_from([0.0, 86_400.3]),
+    events=st.lists(
+        st.sampled_from(['follow', 'surface', 'restart'])
+        | st.sampled_from([0.0, 1 / 3, 1.0, 7.7, 30.0]),
+        max_size=40,
+    ),
+)
+def test_kinematic_goes_on_bit_for_bit_from_its_memory(
+    surfacing: str, seed: int, first_s: float, events: list[str | float]
+) -> None:
+    now_s = first_s
+    auv, undisturbed = (kinematic_auv(surfacing=surfacing, seed=seed) for _ in range(2))
+    for event in events:
+        if event == 'restart':
+            memory = auv.memory()
+            auv = kinematic_auv(surfacing=surfacing, seed=seed)
+            auv.recall(memory)
+            assert auv.memory() == memory
+        elif event == 'follow':
+            auv.step(now_s)  # A process that has just begun steps before it is told anything.
+            undisturbed.step(now_s)
+            auv.follow([START, *LEG])
+            undisturbed.follow([START, *LEG])
+        elif event == 'surface':
+            auv.step(now_s)
+            undisturbed.step(now_s)
+            auv.surface()
+            undisturbed.surface()
+        else:
+            now_s += float(event)
+            assert auv.step(now_s) == undisturbed.step(now_s)
+    assert auv.step(now_s) == undisturbed.step(now_s)
+
+
+def test_kinematic_sent_off_before_the_first_step_begins_there_in_another_process() -> None:
+    auv = kinematic_auv()
+    auv.follow(LEG)
+    recalled = kinematic_auv()
+    recalled.recall(auv.memory())
+    assert recalled.step(100.0).position == START
+    assert recalled.step(110.0).position == LEG[0]
+
+
+def test_kinematic_is_recalled_at_a_time_before_its_leg_began() -> None:
+    auv = kinematic_auv()
+    auv.step(100.0)
+    auv.follow(LEG)
+    recalled = kinematic_auv()
+    recalled.recall(auv.memory())
+    assert recalled.step(50.0).position == START  # the clock was set back; it waits
+    assert recalled.step(104.0).position == Point(east_m=39.0, north_m=75.0)
+
+
+def test_kinematic_looks_where_it_looked_before_a_leg_without_length() -> None:
+    auv = kinematic_auv()
+    auv.step(0.0)
+    auv.follow(LEG)
+    assert auv.step(30.0).heading_rad == -math.pi / 2
+    auv.follow([LEG[-1], LEG[-1]])
+    recalled = kinematic_auv()
+    recalled.recall(auv.memory())
+    assert recalled.step(31.0) == auv.step(31.0)
+    assert auv.step(32.0).heading_rad == -math.pi / 2
+
+
+def test_kinematic_memory_changes_with_commands_alone() -> None:
+    auv = kinematic_auv(surfacing='{"model": "early", "probability": 1}')
+    auv.step(0.0)
+    before = auv.memory()
+    auv.follow(LEG)
+    under_way = auv.memory()
+    assert under_way != before
+    for tick in range(40):
+        auv.step(float(tick))
+        assert auv.memory() is under_way
+    auv.surface()  # up already
+    assert auv.memory() is under_way
+
+
+@pytest.mark.parametrize('module', [kinematic, topics])
+@pytest.mark.parametrize('memory', [b'', b'{}', b'\x80'])
+def test_what_is_no_memory_is_refused(module: ModuleType, memory: bytes) -> None:
+    driver = module.make_driver(setup(), SimulatedAutopilot(START, 0.0, 1.0, 0.5))
+    with pytest.raises(ValueError, match='memory is not that of this driver'):
+        driver.recall(memory)
+
+
+def test_topics_sends_the_same_setpoints_after_a_restart() -> None:
+    dive, undisturbed = Dive(), Dive()
+    for tick in range(60):
+        for each in (dive, undisturbed):
+            each.ticks(1)
+            if tick == 1:
+                each.driver.follow(LEG)
+            if tick == 30:
+                each.driver.surface()
+        memory = dive.driver.memory()
+        dive.driver = topics.make_driver(setup(), dive.vehicle)
+        dive.driver.recall(memory)
+    assert dive.vehicle.setpoints == undisturbed.vehicle.setpoints
+
+
+def test_topics_remembers_that_it_came_up_by_itself() -> None:
+    dive = Dive()
+    dive.driver.follow(LEG)
+    dive.ticks(8)
+    dive.vehicle.z_m = -0.1  # its own failsafe, while the process is dead
+    memory = dive.driver.memory()
+    dive.driver = topics.make_driver(setup(), dive.vehicle)
+    dive.driver.recall(memory)
+    dive.vehicle.step(dive.now_s)
+    assert dive.driver.step(dive.now_s).surfaced
 
 
 # --- topics --------------------------------------------------------------------------------------

@@ -2,9 +2,13 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from types import ModuleType
 
+import hypothesis.strategies as st
 import pytest
+from hypothesis import given
 
+from msgs_json.agent_shell import AgentSetting
 from msgs_json.autopilot_link import POSE_LIMIT_S
 from msgs_json.driver_checks import check_uav_driver
 from msgs_json.drivers import (
@@ -15,6 +19,7 @@ from msgs_json.drivers import (
 )
 from msgs_json.geometry import Point
 from msgs_json.simulated_autopilot import SimulatedAutopilot
+from msgs_json.store import MemoryStore
 from msgs_json.straight_motion import Flow
 from uav_planner.drivers import kinematic, topics
 from uav_planner.uav_params import UavParams, make_uav
@@ -77,8 +82,67 @@ def test_wind_comes_from_the_parameters() -> None:
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr('uav_planner.uav_params.find_driver', lambda group, name: factory)
-        make_uav(params, NoPorts())
+        make_uav(params, NoPorts(), AgentSetting(store=MemoryStore(), authenticator=None))
     assert [setup.wind for setup in seen] == [Flow(east_mps=2.0, north_mps=-3.0)]
+
+
+@given(
+    events=st.lists(
+        st.sampled_from([HOME, NORTH, Point(east_m=-3.0, north_m=1 / 3)])
+        | st.sampled_from([0.0, 1 / 3, 1.0, 20.0])
+        | st.none(),
+        max_size=40,
+    )
+)
+def test_kinematic_goes_on_bit_for_bit_from_its_memory(
+    events: list[Point | float | None],
+) -> None:
+    windy = replace(SETUP, wind=Flow(east_mps=1.0, north_mps=-0.3))
+    uav, undisturbed = (kinematic.make_driver(windy, NoPorts()) for _ in range(2))
+    now_s = 86_400.3
+    for event in events:
+        if event is None:
+            memory = uav.memory()
+            uav = kinematic.make_driver(windy, NoPorts())
+            uav.recall(memory)
+            assert uav.memory() == memory
+            continue
+        now_s += event if isinstance(event, float) else 0.0
+        # A process that has just begun steps before it is told anything.
+        assert uav.step(now_s) == undisturbed.step(now_s)
+        if isinstance(event, Point):
+            uav.go_to(event)
+            undisturbed.go_to(event)
+    assert uav.step(now_s) == undisturbed.step(now_s)
+
+
+def test_kinematic_looks_where_it_flew_when_it_is_sent_to_where_it_is() -> None:
+    uav = kinematic.make_driver(SETUP, NoPorts())
+    uav.step(0.0)
+    uav.go_to(NORTH)
+    uav.go_to(uav.step(5.0).position)
+    recalled = kinematic.make_driver(SETUP, NoPorts())
+    recalled.recall(uav.memory())
+    assert recalled.step(6.0) == uav.step(6.0)
+    assert uav.step(6.0).heading_rad == math.pi / 2
+
+
+def test_kinematic_is_recalled_at_a_time_before_its_hop_began() -> None:
+    uav = kinematic.make_driver(SETUP, NoPorts())
+    uav.step(100.0)
+    uav.go_to(NORTH)
+    recalled = kinematic.make_driver(SETUP, NoPorts())
+    recalled.recall(uav.memory())
+    assert recalled.step(50.0).position == HOME  # the clock was set back; it waits
+    assert recalled.step(105.0).position == Point(east_m=50.0, north_m=20.0)
+
+
+@pytest.mark.parametrize('module', [kinematic, topics])
+@pytest.mark.parametrize('memory', [b'', b'{}', b'\x80'])
+def test_what_is_no_memory_is_refused(module: ModuleType, memory: bytes) -> None:
+    driver = module.make_driver(SETUP, SimulatedAutopilot(HOME, 30.0, 4.0, 1.0))
+    with pytest.raises(ValueError, match='memory is not that of this driver'):
+        driver.recall(memory)
 
 
 @pytest.fixture

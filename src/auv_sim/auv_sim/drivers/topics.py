@@ -5,17 +5,20 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
+import msgspec
+from msgspec.structs import replace
+
 from auv_sim.drivers.survey_depth import survey_z_m
 from msgs_json.autopilot_link import AutopilotLink
+from msgs_json.driver_memory import DriverMemory
 from msgs_json.drivers import SUBMERGED_Z_M, AuvState, CommandRefusedError
-from msgs_json.geometry import within_range
+from msgs_json.geometry import Point, within_range
 from msgs_json.ros_messages import PoseSetpoint
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from msgs_json.drivers import AuvDriverSetup, DriverPorts
-    from msgs_json.geometry import Point
     from msgs_json.ros_messages import Odometry
 
 CAPTURE_RADIUS_M = 2.0
@@ -35,6 +38,20 @@ def make_driver(setup: AuvDriverSetup, ports: DriverPorts) -> TopicsAuv:
     return TopicsAuv(setup, ports)
 
 
+class _Course(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """What the autopilot is to do, and for which leg: all that it cannot tell."""
+
+    target: Point
+    heading_rad: float = 0.0
+    coming_up: bool = True
+    """Whether it is to be at the surface, or already is."""
+    waypoints: tuple[Point, ...] = ()
+    reached: int = 0
+    """How many of them it has reached."""
+    has_dived: bool = False
+    """Whether it has been under water on this leg; only then can it have come up by itself."""
+
+
 class TopicsAuv:
     """
     Leads the autopilot from setpoint to setpoint and reports the pose it measures.
@@ -51,14 +68,8 @@ class TopicsAuv:
 
     def __init__(self, setup: AuvDriverSetup, ports: DriverPorts) -> None:
         self._survey_z_m = survey_z_m(setup.depth_m)
-        self._waypoints: tuple[Point, ...] = ()
-        self._reached = 0
-        self._coming_up = True
-        """Whether it is to be at the surface, or already is."""
-        self._has_dived = False
-        """Whether it has been under water on this leg; only then can it have come up by itself."""
-        self._target = setup.start
-        self._heading_rad = 0.0
+        self._course = _Course(target=setup.start)
+        self._memory = DriverMemory(_Course)
         self._link = AutopilotLink(ports)
         self._now_s: float | None = None
 
@@ -70,14 +81,17 @@ class TopicsAuv:
             raise CommandRefusedError(
                 f'waypoints are {list(waypoints)}; must be at least one, and finite'
             )
-        self._waypoints, self._reached = tuple(waypoints), 0
-        self._coming_up = self._has_dived = False
-        self._aim(waypoints[0])
+        self._course = _Course(
+            target=waypoints[0],
+            heading_rad=self._heading_rad(waypoints[0]),
+            coming_up=False,
+            waypoints=tuple(waypoints),
+        )
         self._send()
 
     def surface(self) -> None:
         """Send the autopilot up to the surface where the vehicle is."""
-        if not self._coming_up:
+        if not self._course.coming_up:
             self._hold_at_surface()
         self._send()
 
@@ -89,45 +103,57 @@ class TopicsAuv:
             self._proceed(pose)
         finally:
             self._send()
-        surfaced = self._coming_up and pose.z_m >= SURFACED_Z_M
+        surfaced = self._course.coming_up and pose.z_m >= SURFACED_Z_M
         return AuvState(
             position=pose.position,
             z_m=0.0 if surfaced else pose.z_m,
             heading_rad=pose.heading_rad,
             speed_mps=pose.speed_mps,
             surfaced=surfaced,
-            waypoints_reached=self._reached,
+            waypoints_reached=self._course.reached,
         )
+
+    def memory(self) -> bytes:
+        """Return where the autopilot is led, and how far along its leg it is."""
+        return self._memory.encode(self._course)
+
+    def recall(self, memory: bytes) -> None:
+        """Lead the autopilot on along its leg, or hold it where it was to come up."""
+        self._course = self._memory.decode(memory)
 
     @property
     def _position(self) -> Point:
-        return self._target if self._link.last_pose is None else self._link.last_pose.position
+        last = self._link.last_pose
+        return self._course.target if last is None else last.position
 
     def _proceed(self, pose: Odometry) -> None:
-        if self._coming_up:
+        course = self._course
+        if course.coming_up:
             return
-        reached_before = self._reached
-        while self._reached < len(self._waypoints) and within_range(
-            pose.position.distance_m(self._waypoints[self._reached]), CAPTURE_RADIUS_M
+        reached = course.reached
+        while reached < len(course.waypoints) and within_range(
+            pose.position.distance_m(course.waypoints[reached]), CAPTURE_RADIUS_M
         ):
-            self._reached += 1
-        if reached_before < self._reached < len(self._waypoints):
-            self._aim(self._waypoints[self._reached])
-        self._has_dived = self._has_dived or pose.z_m <= SUBMERGED_Z_M
-        if self._has_dived and pose.z_m >= SURFACED_Z_M:
+            reached += 1
+        if reached > course.reached:
+            course = replace(course, reached=reached)
+            if reached < len(course.waypoints):
+                target = course.waypoints[reached]
+                course = replace(course, target=target, heading_rad=self._heading_rad(target))
+        if not course.has_dived and pose.z_m <= SUBMERGED_Z_M:
+            course = replace(course, has_dived=True)
+        self._course = course
+        if course.has_dived and pose.z_m >= SURFACED_Z_M:
             self._hold_at_surface()  # it came up by itself, and must not be sent down again
 
     def _hold_at_surface(self) -> None:
-        self._coming_up = True
-        self._aim(self._position)
+        self._course = replace(self._course, coming_up=True, target=self._position)
 
-    def _aim(self, target: Point) -> None:
+    def _heading_rad(self, target: Point) -> float:
         here = self._position
-        if here.distance_m(target) > CAPTURE_RADIUS_M:  # closer, the direction would be noise
-            self._heading_rad = math.atan2(
-                target.north_m - here.north_m, target.east_m - here.east_m
-            )
-        self._target = target
+        if here.distance_m(target) <= CAPTURE_RADIUS_M:  # so close, it would be noise
+            return self._course.heading_rad
+        return math.atan2(target.north_m - here.north_m, target.east_m - here.east_m)
 
     def _send(self) -> None:
         if self._now_s is None:
@@ -135,8 +161,8 @@ class TopicsAuv:
         self._link.send(
             PoseSetpoint(
                 stamp_s=self._now_s,
-                position=self._target,
-                z_m=0.0 if self._coming_up else self._survey_z_m,
-                heading_rad=self._heading_rad,
+                position=self._course.target,
+                z_m=0.0 if self._course.coming_up else self._survey_z_m,
+                heading_rad=self._course.heading_rad,
             )
         )

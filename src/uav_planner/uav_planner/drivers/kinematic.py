@@ -5,8 +5,9 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
+from msgs_json.driver_memory import DriverMemory
 from msgs_json.drivers import CommandRefusedError, VehicleState
-from msgs_json.straight_motion import StraightMotion
+from msgs_json.straight_motion import Hop, StraightMotion
 
 if TYPE_CHECKING:
     from msgs_json.drivers import DriverPorts, UavDriverSetup
@@ -28,7 +29,7 @@ class KinematicUav:
     def __init__(self, setup: UavDriverSetup) -> None:
         self._altitude_m = setup.altitude_m
         self._motion = StraightMotion(setup.home, setup.speed_mps, setup.wind)
-        self._heading_rad = 0.0
+        self._memory = DriverMemory(Hop)
 
     def go_to(self, target: Point) -> None:
         """Fly straight to a point and hold there, from the next step on."""
@@ -39,15 +40,18 @@ class KinematicUav:
     def step(self, now_s: float) -> VehicleState:
         """Move to ``now_s``; where time goes back, nothing moves until it has caught up."""
         self._motion.step(now_s)
-        position, target = self._motion.position, self._motion.target
-        arrived = position == target
-        if not arrived:
-            self._heading_rad = math.atan2(
-                target.north_m - position.north_m, target.east_m - position.east_m
-            )
+        position, hop = self._motion.position, self._motion.hop
         return VehicleState(
             position=position,
             z_m=self._altitude_m,
-            heading_rad=self._heading_rad,
-            speed_mps=0.0 if arrived else self._motion.ground_speed_mps,
+            heading_rad=hop.heading_rad,
+            speed_mps=0.0 if position == hop.target else self._motion.ground_speed_mps,
         )
+
+    def memory(self) -> bytes:
+        """Return the present hop: where the UAV is on it follows from the time."""
+        return self._memory.encode(self._motion.hop)
+
+    def recall(self, memory: bytes) -> None:
+        """Fly on, for a simulated vehicle does not vanish with its process."""
+        self._motion.recall(self._memory.decode(memory))
