@@ -8,7 +8,7 @@ import pytest
 
 from auv_sim.conductor import NUDGE_S, Addressed, Conductor, Phase
 from auv_sim.kernel import run_mission
-from auv_sim.radio_model import ChannelModel, StationKind
+from auv_sim.radio_model import IDEAL, ChannelModel, LinkModel, StationKind
 from auv_sim.world import World, WorldSpec
 from msgs_json import codec
 from msgs_json.agent import Log, Output, Publish, Transmit
@@ -42,9 +42,9 @@ def word(number: int) -> Acknowledgement:
     return Acknowledgement(acknowledges=Acknowledged.MISSION_ORDER, reference=number)
 
 
-def world() -> World:
+def world(link: LinkModel = IDEAL) -> World:
     kinds = {'c3': StationKind.C3, 'uav': StationKind.UAV, 'auv_1': StationKind.AUV}
-    channel = ChannelModel(range_m=20.0, max_message_bytes=4096)
+    channel = ChannelModel(range_m=20.0, max_message_bytes=4096, link=link)
     return World(
         WorldSpec(
             stations=kinds, c3_position=ORIGIN, channel=channel, tick_s=1.0, max_mission_s=5.0
@@ -111,8 +111,12 @@ def crew(diary: list[str], *auv_says: tuple[str, int]) -> list[Speaker]:
 class Graph:
     """Nodes and world as they are on a graph, with all that is under way in one queue."""
 
-    def __init__(self, agents: list[Speaker], *, nudges_per_slice: int = 0) -> None:
-        self.conductor = Conductor(world(), recorder=False, reply_timeout_s=REPLY_NUDGES * NUDGE_S)
+    def __init__(
+        self, agents: list[Speaker], *, nudges_per_slice: int = 0, link: LinkModel = IDEAL
+    ) -> None:
+        self.conductor = Conductor(
+            world(link), recorder=False, reply_timeout_s=REPLY_NUDGES * NUDGE_S
+        )
         self.shown: list[Addressed] = []
         """Everything but lockstep's own messages."""
         self.clients = {
@@ -227,3 +231,49 @@ def test_a_busy_node_that_falls_silent_is_given_up() -> None:
     conductor = graph.conductor
     assert (conductor.phase, conductor.exit_code) == (Phase.ENDED, NodeExit.NODE_MISSING)
     assert 'silent since tick 1 began: uav' in conductor.verdict
+
+
+# --- a radio that is not ideal -------------------------------------------------------------------
+
+
+class Chatterbox(Speaker):
+    """Speaks at every tick."""
+
+    def tick(self, now_s: float) -> list[Output]:
+        return [*super().tick(now_s), *(Transmit(dst, word(1)) for dst, _ in self._says)]
+
+
+def chatterboxes(diary: list[str]) -> list[Speaker]:
+    c3, auv = Chatterbox('c3', diary, ('uav', 1)), Chatterbox('auv_1', diary, ('uav', 2))
+    return [c3, Chatterbox('uav', diary, ('c3', 3), ('auv_1', 4)), auv]
+
+
+@pytest.mark.parametrize(
+    'link',
+    [
+        LinkModel(latency_s=0.3, jitter_s=3.0),
+        LinkModel(bytes_per_s=300.0, loss=0.2),
+        LinkModel(duplicates=0.5, corruption=0.5),
+    ],
+    ids=['late', 'slow', 'copies'],
+)
+def test_the_same_is_heard_over_any_radio_in_one_process_and_in_lockstep(link: LinkModel) -> None:
+    alone: list[str] = []
+    frames: list[Addressed] = []
+    shells = {agent.name: shell(agent) for agent in chatterboxes(alone)}
+    run_mission(world(link), shells, lambda name, frame: frames.append((name, frame)))
+    diary: list[str] = []
+    graph = Graph(chatterboxes(diary), link=link)
+    graph.run()
+    assert diary == alone
+    assert len(alone) > 8
+    assert by_topic(graph.shown) == by_topic(frames)
+
+
+def test_what_the_radio_has_damaged_is_waited_for_too() -> None:
+    # Else what comes of it would be logged in one tick or in the next, as chance has it.
+    graph = Graph(crew([]), link=LinkModel(corruption=1.0))
+    graph.clients['uav'].hear = lambda _: []  # type: ignore[method-assign]  it has not come yet
+    graph.run()
+    assert graph.conductor.phase is Phase.WORKING
+    assert graph.conductor.missing() == ['uav (0 of 1 deliveries are worked off)']
