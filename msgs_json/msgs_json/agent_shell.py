@@ -46,6 +46,8 @@ _SENDERS_MAX = 32
 """Refusals are told apart for so many senders: strangers choose their names as they like."""
 _OTHERS = '(others)'
 
+_FORGED = Refuse('?', Refusal.AUTH, '`$.auth` is not of the key of this mission')
+
 
 class Frame(msgspec.Struct, frozen=True):
     """Something to publish: on which topic, and what. JSON is a `Text` that is encoded already."""
@@ -222,6 +224,10 @@ class AgentShell:
 
     def receive(self, data: bytes, now_s: float) -> list[Frame]:
         """Hand the agent what came by radio, if it may be heard."""
+        self.genuine_from = None
+        if self._authenticator is not None and not self._authenticator.check(data):
+            # Nothing in it is worth reading: whoever made it wrote what he liked.
+            return self._frames([_FORGED], now_s)
         try:
             src, message, is_copy = self._admit(data)
         except MessageError as error:
@@ -250,10 +256,6 @@ class AgentShell:
     def _admit(self, data: bytes) -> tuple[str, Message, bool]:
         """Return who said what, and whether it was heard in this tick already."""
         envelope = codec.open_envelope(data)
-        if self._authenticator is not None and not self._authenticator.check(data):
-            raise MessageError(
-                Refusal.AUTH, envelope.src, '`$.auth` is not that of the key of this mission'
-            )
         if envelope.src not in self.agent.peers:
             known = ', '.join(sorted(self.agent.peers))
             raise MessageError(
@@ -293,8 +295,6 @@ class AgentShell:
 
     def _source(self, data: bytes) -> str | None:
         """Return who sent something that was refused, if it is sound and meant for this agent."""
-        if self._authenticator is not None and not self._authenticator.check(data):
-            return None
         try:
             envelope, _ = codec.decode(data)
         except MessageError:

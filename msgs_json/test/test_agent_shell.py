@@ -262,8 +262,9 @@ def test_what_the_agent_refuses_is_counted_the_same_way() -> None:
     assert event == MessageRefused(
         sender='uav', reason='contradictory', detail='path must start at [4, 7]'
     )
+    assert shell.tick(4.0) == []  # this agent refuses whatever it is asked
     assert shell.receive(sent(), 4.0) == []
-    assert shell.refused == {('uav', Refusal.CONTRADICTORY): 2}
+    assert shell.refused == {('uav', Refusal.CONTRADICTORY): 3}
 
 
 @given(st.lists(st.binary(max_size=60), max_size=5))
@@ -329,10 +330,10 @@ def test_a_forgery_is_refused_and_comes_from_nobody(data: bytes) -> None:
     agent = ScriptedAgent()
     shell = shell_of(agent, KEY)
     event = refusal(shell.receive(data, 3.0))
-    assert (event.sender, event.reason) == ('uav', 'auth')
+    assert (event.sender, event.reason) == ('?', 'auth')
     assert '`$.auth`' in event.detail
     assert shell.receive(data, 4.0) == []
-    assert shell.refused == {('uav', Refusal.AUTH): 2}
+    assert shell.refused == {('?', Refusal.AUTH): 2}
     assert shell.genuine_from is None
     assert agent.heard == []
 
@@ -350,6 +351,7 @@ def test_without_a_key_whoever_has_a_radio_is_believed() -> None:
     agent = ScriptedAgent()
     shell = shell_of(agent)
     for data in (sent(), sent(), signed(7)):
+        shell.tick(3.0)
         shell.receive(data, 3.0)
     assert numbers_heard(agent) == [0, 0, 7]
 
@@ -374,24 +376,34 @@ def test_strangers_take_no_memory_whatever_they_call_themselves() -> None:
     frames = []
     for number in range(1000):
         frames += shell.receive(sent(src=f'stranger_{number}'), 3.0)
+    # Without a key a name is only a name.
+    assert shell.refused == {('?', Refusal.AUTH): 1000}
+    assert len(frames) == 1
+    assert not store.is_changed
+
+
+def test_without_a_key_some_strangers_are_told_apart_by_what_they_call_themselves() -> None:
+    shell = shell_of(ScriptedAgent())
+    frames = []
+    for number in range(1000):
+        frames += shell.receive(sent(src=f'stranger_{number}'), 3.0)
         frames += shell.receive(sent(src=f'stranger_{number}').replace(b'"body"', b'"bod"'), 3.0)
     assert shell.refused.total() == 2000
     senders = {sender for sender, _ in shell.refused}
     # 32 are told apart, and '?', who is one of them, sent nothing that could be opened.
     assert len(senders) == 33
     assert shell.refused['?', Refusal.MALFORMED] == 1000
-    assert shell.refused['stranger_0', Refusal.AUTH] == 1
-    assert shell.refused['(others)', Refusal.AUTH] == 1000 - 31
+    assert shell.refused['stranger_0', Refusal.UNKNOWN_SENDER] == 1
+    assert shell.refused['(others)', Refusal.UNKNOWN_SENDER] == 1000 - 31
     assert len(frames) == 33
-    assert not store.is_changed
 
 
 def test_a_sender_who_is_told_apart_stays_so() -> None:
-    shell = shell_of(ScriptedAgent(), KEY)
-    names = ['uav', *(f'stranger_{number}' for number in range(40)), 'uav']
+    shell = shell_of(ScriptedAgent())
+    names = ['auv_9', *(f'stranger_{number}' for number in range(40)), 'auv_9']
     for name in names:
         shell.receive(sent(src=name), 3.0)
-    assert shell.refused['uav', Refusal.AUTH] == 2
+    assert shell.refused['auv_9', Refusal.UNKNOWN_SENDER] == 2
 
 
 @pytest.mark.parametrize(
@@ -714,3 +726,16 @@ def test_nobody_relies_on_what_a_crash_would_undo(inputs: list[str]) -> None:
         if step == 'hear':
             assert bool(by_radio) == (not store.is_full)
             assert Missed(sortie=agent.count, auv='auv_2') in events(frames)
+
+
+def test_copies_are_said_and_heard_once_a_tick() -> None:
+    agent = ScriptedAgent(Transmit('uav', ACKNOWLEDGEMENT))
+    setting = AgentSetting(store=MemoryStore(), authenticator=KEY)
+    shell = AgentShell(agent, setting, copies=3)
+    frames = shell.receive(signed(0), 3.0)
+    assert len(frames) == 3
+    assert len({frame.message for frame in frames}) == 3  # each has a number of its own
+    assert shell.receive(KEY.sign(sent(seq=1)), 3.0) == []
+    assert len(agent.heard) == 1
+    shell.tick(4.0)
+    assert len(shell.receive(KEY.sign(sent(seq=2)), 4.0)) == 3

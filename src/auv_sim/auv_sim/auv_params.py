@@ -82,8 +82,8 @@ def make_auv(params: AuvParams, ports: DriverPorts, setting: AgentSetting) -> Ag
     field = make_field(params.field, region)
     custody = SampleCustody(setting.store, params.max_message_bytes, params.response_s)
     agent = AuvAgent(params.name, mission, driver, field, setting.store, custody)
-    return AgentShell(  # TEMP driver
-        agent, setting, None, frame_bytes=params.max_message_bytes, copies=params.copies
+    return AgentShell(
+        agent, setting, driver, frame_bytes=params.max_message_bytes, copies=params.copies
     )
 
 

@@ -95,6 +95,6 @@ def make_uav(
         setting.store,
         SampleCustody(setting.store, params.max_message_bytes, params.response_s),
     )
-    return AgentShell(  # TEMP driver
-        agent, setting, None, frame_bytes=params.max_message_bytes, copies=params.copies
+    return AgentShell(
+        agent, setting, driver, frame_bytes=params.max_message_bytes, copies=params.copies
     )
