@@ -128,6 +128,11 @@ class Graph:
         for name, client in self.clients.items():
             self._from_agent(name, [client.hello()])
 
+    def nudge(self) -> None:
+        """Let the world ask again, and everybody answer."""
+        self._under_way += self.conductor.nudge()
+        self.run()
+
     def run(self) -> None:
         """Fly the mission to its end, or until everybody waits for ever."""
         while self._under_way or self.conductor.phase is Phase.RESTING:
@@ -275,5 +280,6 @@ def test_what_the_radio_has_damaged_is_waited_for_too() -> None:
     graph = Graph(crew([]), link=LinkModel(corruption=1.0))
     graph.clients['uav'].hear = lambda _: []  # type: ignore[method-assign]  it has not come yet
     graph.run()
+    graph.nudge()
     assert graph.conductor.phase is Phase.WORKING
     assert graph.conductor.missing() == ['uav (0 of 1 deliveries are worked off)']
