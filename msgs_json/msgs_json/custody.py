@@ -152,6 +152,8 @@ class SampleCustody:
             held.setdefault(span.auv, [])
             self._forget(span)
         self._passed_on |= {auv: NumberSet.from_spans(spans) for auv, spans in held.items()}
+        if not held:
+            self._passed_on = {}  # It names nobody, for it has lost all that it held.
 
     def _forget(self, span: SampleSpan) -> None:
         at_c3 = self._at_c3.setdefault(span.auv, NumberSet())
