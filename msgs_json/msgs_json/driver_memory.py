@@ -11,7 +11,7 @@ KnowledgeT = TypeVar('KnowledgeT', bound=msgspec.Struct)
 
 class DriverMemory(Generic[KnowledgeT]):
     """
-    Encodes what a driver knows, once for as long as that is the same object.
+    Encodes what a driver knows, into the same object for as long as that is the same.
 
     Numbers come back bit for bit (MessagePack), infinite ones too.
 
@@ -28,9 +28,11 @@ class DriverMemory(Generic[KnowledgeT]):
         self._encoded = b''
 
     def encode(self, knowledge: KnowledgeT) -> bytes:
-        """Return the bytes of it, which are the same object for the same object."""
+        """Return the bytes of it; the same object as before if they are the same."""
         if knowledge is not self._knowledge:
-            self._knowledge, self._encoded = knowledge, msgspec.msgpack.encode(knowledge)
+            encoded = msgspec.msgpack.encode(knowledge)
+            self._knowledge = knowledge
+            self._encoded = self._encoded if encoded == self._encoded else encoded
         return self._encoded
 
     def decode(self, memory: bytes) -> KnowledgeT:

@@ -79,11 +79,11 @@ class AuvState(VehicleState, frozen=True, kw_only=True):
 
 
 class Vehicle(Protocol):
-    """What a vehicle's driver must still know after its process died."""
+    """What every driver can do: die with its process while its vehicle goes on."""
 
     def memory(self) -> bytes:
         """
-        Return what to `recall` in a new process.
+        Return what to `recall` in a new process, as far as the vehicle itself cannot tell it.
 
         It changes with commands only, or where the course changes by itself; as long as it does
         not, the same object is returned.
@@ -93,6 +93,8 @@ class Vehicle(Protocol):
     def recall(self, memory: bytes) -> None:
         """
         Go on where the driver of another process left off; before anything else is asked.
+
+        The next thing is a step, which shows where the vehicle has got to meanwhile.
 
         Raises
         ------
