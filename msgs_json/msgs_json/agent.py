@@ -42,7 +42,7 @@ class Log(msgspec.Struct, frozen=True):
 
 
 class Refuse(msgspec.Struct, frozen=True):
-    """Turn down what somebody said; counted always, logged once per sender and reason."""
+    """Turn down what somebody said; counted always, logged now and then."""
 
     sender: str
     refusal: Refusal

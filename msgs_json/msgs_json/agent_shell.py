@@ -140,7 +140,8 @@ class AgentShell:
     Feeds an agent with decoded messages and encodes what it wants to say.
 
     A payload that is refused here never reaches the agent. Like what the agent itself refuses it
-    is counted in ``refused`` by ``(sender, reason)`` and logged once for each.
+    is counted in ``refused`` by ``(sender, reason)``; the first of each is logged, the tenth, the
+    hundredth and so on.
 
     What has changed by a message or a tick is stored before anything that came of it is said.
     While that fails nothing is said by radio, so that nobody relies on what a crash would undo;
@@ -376,10 +377,14 @@ class AgentShell:
     def _refuse(self, refused: Refuse, now_s: float) -> list[Frame]:
         key = (self._known(refused.sender), refused.refusal)
         self.refused[key] += 1
-        if self.refused[key] > 1:
+        count = self.refused[key]
+        if not _is_power_of_ten(count):
             return []
         event = MessageRefused(
-            sender=refused.sender, reason=refused.refusal.value, detail=refused.detail
+            sender=refused.sender,
+            reason=refused.refusal.value,
+            detail=refused.detail,
+            count=count,
         )
         return [self._speaker.frame(MISSION_EVENTS, event, now_s)]
 
@@ -387,3 +392,8 @@ class AgentShell:
         """Return the name under which a sender's refusals are counted."""
         senders = {name for name, _ in self.refused}
         return sender if sender in senders or len(senders) < _SENDERS_MAX else _OTHERS
+
+
+def _is_power_of_ten(count: int) -> bool:
+    digits = str(count)
+    return digits[0] == '1' and not digits[1:].strip('0')

@@ -654,11 +654,18 @@ class MissionCompleted(Event, frozen=True):
 
 
 class MessageRefused(Event, frozen=True):
-    """Any node: refused a message; logged once per sender and reason, counted always."""
+    """
+    Any node: refused a message of a sender for a reason.
+
+    All are counted; the first is logged, the tenth, the hundredth and so on.
+    """
 
     sender: str
     reason: str
     detail: str
+    """What was wrong with this one."""
+    count: Annotated[int, msgspec.Meta(ge=1, le=2**53)] = 1
+    """How many there were by now."""
 
 
 class StorageFailed(Event, frozen=True):

@@ -118,6 +118,7 @@ def write_params(
             recorder=bag is not None,
             reply_timeout_s=reply_timeout_s,
             restarted=restarted,
+            key_file=str(key) if key is not None else '',
         ),
     }
     for kind, agent in (

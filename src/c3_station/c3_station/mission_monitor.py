@@ -105,7 +105,8 @@ class MissionMonitor:
         self.sortie: SortieView | None = None
         self.sorties_flown = 0
         self.longest_sortie_s = 0.0
-        self.refused = 0
+        self._refused: dict[tuple[str, str, str], int] = {}
+        """By node, sender and reason."""
         self.ended: str | None = None
         self.log: deque[tuple[float, str, str]] = deque(maxlen=_LOG_LINES)
         """Time, source and text of what happened, newest last."""
@@ -165,6 +166,11 @@ class MissionMonitor:
         """Note what the orchestrator did."""
         self.log.append((self.now_s, 'orchestrator', text))
         self.notes.append(text)
+
+    @property
+    def refused(self) -> int:
+        """Return how many messages nodes have refused, as far as they have said so."""
+        return sum(self._refused.values())
 
     def neglect_s(self) -> float:
         """Return the neglect time so far, summed over the AUVs, until the region is explored."""
@@ -234,9 +240,9 @@ class MissionMonitor:
             case MissionStopped(reason=reason):
                 self.ended = reason
                 return f'mission stopped: {reason}'
-            case MessageRefused(sender=sender, reason=reason, detail=detail):
-                self.refused += 1
-                return f'refused a message from {sender}: {reason}, {detail}'
+            case MessageRefused(sender=sender, reason=reason, detail=detail, count=count):
+                self._refused[source, sender, reason] = count
+                return f'refused a message from {sender} ({count}): {reason}, {detail}'
         return None
 
     def _cell_entered(self, source: str, stamp_s: float, event: CellEntered) -> str | None:

@@ -115,12 +115,15 @@ class RadioSummary(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class RefusalSummary(msgspec.Struct, frozen=True, kw_only=True):
-    """A node refused a message; noted once per sender and reason."""
+    """A node refused messages of a sender for a reason."""
 
     node: str
     sender: str
     reason: str
     detail: str
+    """What was wrong with the first."""
+    count: int
+    """At least so many were refused; a node logs the first, the tenth, the hundredth and so on."""
 
 
 class Summary(msgspec.Struct, frozen=True, kw_only=True):
@@ -373,7 +376,8 @@ class _Figures:
         self.started: MissionStarted | None = None
         self.completed_s: float | None = None
         self.stopped: str | None = None
-        self.refusals: list[RefusalSummary] = []
+        self.refusals: dict[tuple[str, str, str], RefusalSummary] = {}
+        """By node, sender and reason."""
         self.entries: list[tuple[float, CellEntered]] = []
         self.sampled_s: dict[str, list[float]] = {}
         """By AUV: when it took each of its samples."""
@@ -411,13 +415,16 @@ class _Figures:
             case MissionStopped(reason=reason, node=node):
                 self.stopped = f'{reason} ({node})' if node else reason
             case MessageRefused():
-                self.refusals.append(
-                    RefusalSummary(
-                        node=source,
-                        sender=event.sender,
-                        reason=event.reason,
-                        detail=event.detail,
-                    )
+                refusal = RefusalSummary(
+                    node=source,
+                    sender=event.sender,
+                    reason=event.reason,
+                    detail=event.detail,
+                    count=event.count,
+                )
+                first = self.refusals.setdefault((source, event.sender, event.reason), refusal)
+                self.refusals[source, event.sender, event.reason] = msgspec.structs.replace(
+                    first, count=max(first.count, event.count)
                 )
             case CellEntered():
                 self.entries.append((time_s, event))
@@ -494,7 +501,7 @@ class _Figures:
             radio=(
                 RadioSummary(delivered=radio.delivered, blocked=radio.blocked) if radio else None
             ),
-            refusals=tuple(self.refusals),
+            refusals=tuple(self.refusals.values()),
             unreadable=unreadable,
             wall_s=facts.wall_s,
             real_time_factor=facts.real_time_factor,
