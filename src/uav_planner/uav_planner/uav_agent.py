@@ -180,6 +180,8 @@ class _FlightMemory(msgspec.Struct, frozen=True, kw_only=True):
     """What the UAV must still know of its flight after its process died."""
 
     sortie: _SortieMemory | None
+    heard: dict[str, tuple[float, SurfacingReport]]
+    plans_ahead_from_s: float | None
     finished: bool
     known_difference_m: float
     difference_m: float
@@ -220,11 +222,13 @@ class UavAgent:
         """The one being flown, or waiting at C3 for its departure."""
         self._look_ahead: Iterator[float] = iter(())
         """Plans the whole mission before the first one."""
+        self._plans_ahead_from_s: float | None = None
+        """When it got the order for that; None once it is done, or there is no time for it."""
         self._headway = Headway(setup.speed_mps * setup.tick_s)
         self._untold: list[Output] = []
         """What was decided and not said: the vehicle may fail between the two."""
-        self._heard: dict[str, SurfacingReport] = {}
-        """Reports heard at this tick from AUVs whose turn it was not."""
+        self._heard: dict[str, tuple[float, SurfacingReport]] = {}
+        """When AUVs were heard last whose turn it was not, and what they said."""
         self._undelivered: deque[SortieReport] = deque()
         """Reports that C3 has not acknowledged, oldest first; it gets them one by one."""
         self._is_changed = False
@@ -239,6 +243,7 @@ class UavAgent:
 
     def receive(self, src: str, message: Message, now_s: float) -> list[Output]:
         """Take an order, a report or samples of an AUV, an acknowledgement or a receipt."""
+        self._look(now_s)
         output = self._receive(src, message)
         self._remember()
         return output
@@ -261,6 +266,8 @@ class UavAgent:
             self._is_changed = False
             flight = _FlightMemory(
                 sortie=self._sortie.memory() if self._sortie is not None else None,
+                heard=self._heard,
+                plans_ahead_from_s=self._plans_ahead_from_s,
                 finished=self.finished,
                 known_difference_m=self._headway.known_m,
                 difference_m=self._headway.difference_m,
@@ -287,18 +294,19 @@ class UavAgent:
         reports = self._store.load(_REPORT, SortieReport).values()
         self._undelivered = deque(sorted(reports, key=lambda report: report.sortie))
         self.peers = frozenset({setup.c3, *self._fleet.names})
-        if self._is_before_take_off:
-            self._look_ahead, self.is_busy = self._fleet.look_ahead(self._now_s), True
+        self._heard = flight.heard
+        if flight.plans_ahead_from_s is not None:
+            self._plan_ahead(self._fleet, flight.plans_ahead_from_s)
 
-    @property
-    def _is_before_take_off(self) -> bool:
-        """Return whether no sortie has departed."""
-        sortie = self._sortie
-        return sortie is not None and sortie.number == 1 and sortie.departed_s is None
+    def _look(self, at_s: float) -> None:
+        """Learn where the vehicle is, if a process before this one has sent it somewhere."""
+        if self._position is None and self._fleet is not None:
+            self._now_s, self._position = at_s, self._driver.step(at_s).position
 
     # --- a tick ----------------------------------------------------------------------------------
 
     def _tick(self, now_s: float) -> list[Output]:
+        self._look(now_s - self._setup.tick_s)
         self._untold += self._decide()
         target = self._steer()
         state = self._driver.step(now_s)
@@ -306,7 +314,6 @@ class UavAgent:
         if target is not None and self._position is not None and is_next_tick:
             self._is_changed |= self._headway.note(self._position, state.position, target)
         self._now_s, self._position = now_s, state.position
-        self._heard.clear()
         output = self._tell()
         output.append(Publish(ODOM, state.odometry(self.name, now_s)))
         if self._sortie is not None:
@@ -337,6 +344,7 @@ class UavAgent:
         share = next(self._look_ahead, None)
         self.is_busy = share is not None
         if share is None:
+            self._plans_ahead_from_s, self._is_changed = None, True
             return []
         sortie = self._sortie
         if sortie is not None and sortie.order != sortie.fleet.visiting_order:
@@ -361,9 +369,14 @@ class UavAgent:
             return [Refuse(self._setup.c3, Refusal.NOT_POSSIBLE, str(error))]
         self._fleet, self._is_changed = fleet, True
         self._store.put(_ORDER, '', order)
-        self._look_ahead, self.is_busy = fleet.look_ahead(self._now_s), True
+        self._plan_ahead(fleet, self._now_s)
         self.peers = frozenset({self._setup.c3, *fleet.names})
         return [acknowledgement]
+
+    def _plan_ahead(self, fleet: Fleet, from_s: float) -> None:
+        """Begin to plan the whole mission."""
+        self._look_ahead, self.is_busy = fleet.look_ahead(from_s), True
+        self._plans_ahead_from_s = from_s
 
     # --- what the operator wants -----------------------------------------------------------------
 
@@ -513,6 +526,7 @@ class UavAgent:
         sortie.departed_s, self._is_changed = self._now_s, True
         # What is planned for the ground is out of date, and from now on the visiting order stays.
         self._look_ahead, self.is_busy = iter(()), False
+        self._plans_ahead_from_s = None
         self._headway = self._headway.next_sortie()
         points = (mission.c3, *(waypoint.point for waypoint in sortie.plan.route), mission.c3)
         departed = SortieDeparted(
@@ -658,7 +672,7 @@ class UavAgent:
             return []
         if self._may_meet(sortie, auv):
             return self._meet(sortie, report)
-        self._heard[auv] = report
+        self._heard[auv], self._is_changed = (self._now_s, report), True
         return []
 
     def _go_on(self, fleet: Fleet, report: SurfacingReport) -> list[Output]:
@@ -740,8 +754,9 @@ class UavAgent:
             plan_status=plan.status.value if plan else None,
         )
         output += [Log(met, self._now_s), *self._answer(fleet, auv)]
-        waiting = self._heard.pop(sortie.turn or '', None)
-        return output + self._hear(fleet, waiting) if waiting else output
+        heard_s, waiting = self._heard.pop(sortie.turn or '', (-math.inf, report))
+        # What was said at an earlier tick is out of date.
+        return output + self._hear(fleet, waiting) if heard_s == self._now_s else output
 
 
 def _outlook(sortie: _Sortie) -> SortieOutlook:
