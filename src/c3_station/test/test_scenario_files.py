@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import copy
 import re
-from contextlib import nullcontext
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +16,6 @@ from hypothesis import strategies as st
 from c3_station.in_process import fly
 from c3_station.node_params import mission_params
 from c3_station.scenario import Limits, Scenario
-from c3_station.scenario_checks import longest_message_bytes
 from c3_station.scenario_files import (
     ScenarioError,
     load_scenario,
@@ -31,7 +29,6 @@ from msgs_json.agent_shell import Frame
 from msgs_json.params import validated
 from msgs_json.ros_messages import Text
 from msgs_json.topics import RADIO_TX
-from uav_planner.candidate_paths import SEARCHED_MOVES_MAX
 from uav_planner.planners import PLANNERS
 from uav_planner.planners.ecc2009 import Ecc2009Planner
 
@@ -90,7 +87,8 @@ def test_commented_defaults_of_the_template_are_the_defaults() -> None:
     keys = ('altitude_m', 'driver', 'speed_mps', 'depth_m', 'surfacing', 'max_message_bytes')
     keys += ('wind_east_mps', 'wind_north_mps', 'handover_s', 'lost_after_sorties')
     keys += ('surface_margin_s', 'min_path_cells', 'options', 'tick_s', 'seed', 'field')
-    keys += ('on_death', 'samples_lost', 'masked')
+    keys += ('on_death', 'samples_lost', 'masked', 'loss', 'bursts', 'latency_s', 'jitter_s')
+    keys += ('bytes_per_s', 'queue_frames', 'duplicates', 'corruption', 'links')
     uncommented, found = [], set()
     for line in text.splitlines():
         indent, mark, rest = line.partition('# ')
@@ -174,13 +172,8 @@ def test_every_auv_is_told_of_the_land() -> None:
         assert tuple(zip(auv.masked[::2], auv.masked[1::2], strict=True)) == harbour.region.masked
 
 
-def fleet(auvs: int, path_cells: int) -> Scenario:
-    content = changed(('planner',), {'name': 'robust', 'path_cells': path_cells})
-    content['auvs'] = [ECC2009['auvs'][0] | {'name': f'auv_{number}'} for number in range(auvs)]
-    return parse_scenario(msgspec.json.encode(content).decode())
-
-
-def assert_bound_holds(scenario: Scenario) -> None:
+def test_no_frame_is_longer_than_the_radio_takes(tmp_path: Path) -> None:
+    scenario = load_scenario(write(tmp_path, changed(('radio', 'max_message_bytes'), 720)))
     sizes: list[int] = []
 
     def measure(source: str, frame: Frame) -> None:
@@ -188,36 +181,7 @@ def assert_bound_holds(scenario: Scenario) -> None:
             sizes.append(len(frame.message.data))
 
     fly(scenario, measure)
-    assert max(sizes) <= longest_message_bytes(scenario) < 5 * max(sizes)
-
-
-@pytest.mark.parametrize('name', sorted(shipped_scenarios()))
-def test_no_message_is_longer_than_the_longest(name: str) -> None:
-    assert_bound_holds(load_scenario(name))
-
-
-def test_long_initial_paths_count(tmp_path: Path) -> None:
-    there_and_back = [[3, 7], [4, 7]] * 100
-    scenario = load_scenario(write(tmp_path, changed(('auvs', 0, 'initial_path'), there_and_back)))
-    assert_bound_holds(scenario)
-
-
-def test_default_takes_the_messages_of_the_largest_fleet_with_the_longest_paths() -> None:
-    largest = fleet(200, SEARCHED_MOVES_MAX)
-    assert 65_536 < longest_message_bytes(largest) <= largest.radio.max_message_bytes
-
-
-def test_least_size_that_is_allowed_is_enough() -> None:
-    content = changed(('radio', 'max_message_bytes'), 1000)
-    with pytest.raises(ScenarioError) as caught:
-        parse_scenario(msgspec.json.encode(content).decode())
-    found = re.search(r'at least ([0-9,]+)', str(caught.value))
-    assert found
-    least = int(found[1].replace(',', ''))
-    for size, fits in ((least, True), (least - 1, False)):
-        content['radio']['max_message_bytes'] = size
-        with nullcontext() if fits else pytest.raises(ScenarioError, match='max_message_bytes'):
-            parse_scenario(msgspec.json.encode(content).decode())
+    assert 500 < max(sizes) <= 720
 
 
 def test_numbers_may_be_written_with_a_bare_exponent(tmp_path: Path) -> None:
@@ -298,9 +262,33 @@ def test_field_file_is_found_beside_the_scenario(tmp_path: Path) -> None:
         (('radio', 'range_m'), -5, ['radio.range_m is -5', 'at least 0.001']),
         (
             ('radio', 'max_message_bytes'),
-            1000,
-            ['radio.max_message_bytes is 1,000', 'allowed: at least 4,'],
+            719,
+            ['radio.max_message_bytes is 719', 'allowed: a whole number, at least 720'],
         ),
+        (('radio', 'loss'), 1.5, ['radio.loss is 1.5', 'at most 1', 'keys at_zero, at_range']),
+        (('radio', 'loss'), {'at_zero': 0.5}, ['radio.loss.at_range is missing', 'at most 1']),
+        (('radio', 'bursts'), {'good_s': 0, 'bad_s': 1}, ['radio.bursts.good_s is 0', '0.001']),
+        (('radio', 'bursts'), {'good': 1, 'bad_s': 1}, ['bursts.good is 1', 'mean good_s?']),
+        (('radio', 'bytes_per_s'), 0, ['radio.bytes_per_s is 0', 'at least 1', 'or null']),
+        (('radio', 'queue_frames'), 0, ['radio.queue_frames is 0', 'at least 1']),
+        (('radio', 'links'), [{'from': 'auv_1'}], ['radio.links[0].to is missing']),
+        (('radio', 'links'), [{'from': 'c3', 'to': 'uav', 'los': 1}], ['links[0].los', 'loss?']),
+        (
+            ('radio', 'links'),
+            [{'from': 'c3', 'to': 'uav'}, {'from': 'auv_1', 'to': 'auv_2', 'loss': 1}],
+            ["radio.links[1].to is 'auv_2', which never hears auv_1", 'an AUV and the UAV'],
+        ),
+        (
+            ('radio', 'links'),
+            [{'from': 'auv_9', 'to': 'uav'}],
+            ["radio.links[0].from is 'auv_9'; allowed: c3, uav, auv_1, auv_2, auv_3"],
+        ),
+        (
+            ('radio', 'links'),
+            [{'from': 'c3', 'to': 'uav'}, {'from': 'c3', 'to': 'uav', 'loss': 1}],
+            ["radio.links[1].to is 'uav'", 'a link before'],
+        ),
+        (('radio', 'latency_s'), 0.1, ['sortie.handover_s is 0; allowed: at least 4, in which']),
         (('sortie', 'limit_s'), 0.5, ['sortie.limit_s is 0.5', 'tick_s 1']),
         (('planner', 'name'), 'ecc209', ['planner.name', "'ecc209'", 'did you mean ecc2009?']),
         (('planner', 'path_cells'), 25, ['planner.path_cells is 25', 'at most 24']),
@@ -333,6 +321,49 @@ def test_problem_names_file_line_key_value_and_what_is_allowed(
     assert str(caught.value).startswith(f'{file}: line ')
     for part in said:
         assert part in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ('radio', 'tick_s', 'least_s'),
+    [
+        ({'jitter_s': 1.0}, 1.0, 4.0),
+        ({'jitter_s': 1.001}, 1.0, 8.0),
+        ({'latency_s': 0.7, 'jitter_s': 0.7}, 0.5, 6.0),
+        # 8,192 bytes take 0.8192 s.
+        ({'bytes_per_s': 10_000, 'max_message_bytes': 8192}, 1.0, 4.0),
+        ({'bytes_per_s': 10_000, 'max_message_bytes': 8192, 'latency_s': 0.2}, 1.0, 8.0),
+        # The worst of all AUVs counts, and both directions.
+        ({'links': [{'from': 'auv_2', 'to': 'uav', 'latency_s': 2.5}]}, 1.0, 6.0),
+        (
+            {'links': [{'from': 'uav', 'to': 'auv_3', 'latency_s': 2.5}], 'latency_s': 1.0},
+            1.0,
+            8.0,
+        ),
+        # C3 has no part in a hand-over.
+        ({'links': [{'from': 'uav', 'to': 'c3', 'latency_s': 2.5}]}, 1.0, 0.0),
+        ({'loss': 0.5, 'duplicates': 0.5, 'corruption': 0.1}, 1.0, 0.0),
+    ],
+)
+def test_a_hand_over_gets_the_time_that_the_radio_takes_for_it(
+    radio: dict[str, object], tick_s: float, least_s: float
+) -> None:
+    content = changed(('planner', 'name'), 'ecc2009')
+    content['radio'] |= radio
+    content['tick_s'] = tick_s
+    content['sortie']['handover_s'] = least_s
+    parse_scenario(msgspec.json.encode(content).decode())
+    if least_s:
+        content['sortie']['handover_s'] = least_s - 0.01
+        with pytest.raises(ScenarioError, match=f'handover_s .*at least {least_s:g}, in which'):
+            parse_scenario(msgspec.json.encode(content).decode())
+
+
+def test_what_links_do_not_say_stays_unsaid() -> None:
+    links = [{'from': 'uav', 'to': 'c3', 'bytes_per_s': None}]
+    content = changed(('radio', 'links'), links)
+    scenario = parse_scenario(msgspec.json.encode(content).decode())
+    assert msgspec.json.decode(scenario_json(scenario))['radio']['links'] == links
+    assert msgspec.json.decode(mission_params(scenario).world.radio_links) == links
 
 
 def test_a_region_that_its_planner_cannot_plan_is_refused(tmp_path: Path) -> None:
@@ -443,8 +474,10 @@ def test_choices_replace_planner_and_seed_and_are_checked() -> None:
         with_choices(scenario, planner=None, seed=-3)
     with pytest.raises(ScenarioError, match=r"planner.name .*'best'.*allowed: adaptive, ecc2009"):
         with_choices(scenario, planner='best', seed=None)
+    long_paths = changed(('planner',), {'name': 'robust', 'path_cells': 10})
+    scenario = parse_scenario(msgspec.json.encode(long_paths).decode())
     with pytest.raises(ScenarioError, match=r"line: planner.name is 'ecc2009'; .* 1 to 9"):
-        with_choices(fleet(3, 10), planner='ecc2009')
+        with_choices(scenario, planner='ecc2009')
 
 
 def test_another_planner_does_not_get_the_options_of_the_first(
