@@ -192,13 +192,23 @@ def test_a_receipt_for_one_auv_says_nothing_of_another() -> None:
     assert custody.is_passed_on
 
 
-@pytest.mark.parametrize('at_c3', [(), (span(0, 1),)])
-def test_who_holds_no_longer_what_it_held_is_told_again(at_c3: tuple[SampleSpan, ...]) -> None:
+@pytest.mark.parametrize(
+    ('receipt', 'told'),
+    [
+        (SampleReceipt(held=(), at_c3=()), [0, 1, 2]),
+        (SampleReceipt(held=(), at_c3=(span(0, 1),)), [1, 2]),
+        (SampleReceipt(held=(span(0, 1, 'auv_2'),), at_c3=(span(0, 1),)), [1, 2]),
+    ],
+    ids=['all', 'all_that_is_not_at_c3', 'all_of_one_auv'],
+)
+def test_who_holds_no_longer_what_it_held_is_told_again(
+    receipt: SampleReceipt, told: list[int]
+) -> None:
     # Its store is gone, or it never had one that outlived its process.
     custody = custody_of(0, 1, 2)
     custody.passed_on(SampleReceipt(held=(span(0, 3),), at_c3=()))
-    custody.passed_on(SampleReceipt(held=(), at_c3=at_c3))
-    assert numbers(custody.batches(0.0)) == [[0, 1, 2][len(at_c3) :]]
+    custody.passed_on(receipt)
+    assert numbers(custody.batches(0.0)) == [told]
 
 
 def test_a_receipt_for_what_is_not_kept_yet_relieves_of_it_when_it_comes() -> None:

@@ -125,13 +125,12 @@ class AuvAgent:
             self._untold += self._begin(state, now_s)
             state = self._driver.step(now_s)
         self._untold += self._enter_cells(state, now_s)
-        if self._report is None:
-            # Decided once: at another try the vehicle may be up, which would then look early.
-            self._outcome = self._outcome or self._reason_to_surface(state, now_s)
+        if self._report is None and self._leg is not None:
+            self._decide_to_surface(self._leg, state, now_s)
             if self._outcome is not None and not state.surfaced:
                 self._driver.surface()
                 state = self._driver.step(now_s)
-            if self._leg is not None and self._outcome is not None and state.surfaced:
+            if self._outcome is not None and state.surfaced:
                 self._untold += self._come_up(self._leg, self._outcome, state, now_s)
         output, self._untold = self._untold, []
         output.append(Publish(ODOM, state.odometry(self.name, now_s)))
@@ -215,6 +214,13 @@ class AuvAgent:
         sample = Sample(auv=self.name, number=number, cell=cell, entered_s=now_s, value=value)
         self._custody.take([sample])
         return Log(CellEntered(cell=cell, sample_number=number), now_s)
+
+    def _decide_to_surface(self, leg: Leg, state: AuvState, now_s: float) -> None:
+        # Once: at another try the vehicle may be up, which would then look early.
+        if self._outcome is None:
+            self._outcome = self._reason_to_surface(state, now_s)
+            if self._outcome is not None:
+                self._remember(leg)
 
     def _reason_to_surface(self, state: AuvState, now_s: float) -> LegOutcome | None:
         if state.needs_help:

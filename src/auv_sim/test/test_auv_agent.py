@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 
 import hypothesis.strategies as st
@@ -12,6 +13,7 @@ from auv_sim.auv_agent import AuvAgent, AuvMission
 from auv_sim.drivers.kinematic import KinematicAuv
 from msgs_json.agent import Log, Output, Publish, Refuse, Transmit
 from msgs_json.codec import Refusal
+from msgs_json.custody import SampleCustody, samples_per_frame
 from msgs_json.drivers import (
     AuvDriverSetup,
     AuvState,
@@ -31,15 +33,21 @@ from msgs_json.messages import (
     PathAssignment,
     RecoveryOrder,
     RecoveryReason,
+    Sample,
+    SampleBatch,
+    SampleReceipt,
+    SampleSpan,
     StayedUp,
     Surfaced,
     SurfacingReport,
 )
 from msgs_json.ros_messages import Odometry, TrackPath
+from msgs_json.store import MemoryStore
 from msgs_json.topics import ODOM, PATH
 
+FRAME_BYTES = 1400
+PER_FRAME = samples_per_frame(FRAME_BYTES)
 REGION = GridSpec(cols=4, rows=3, cell_m=10.0, masked=((3, 2),))
-CUSTODY = Acknowledged.SURFACING_REPORT
 
 
 class Eastings:
@@ -88,6 +96,26 @@ class SluggishAuv(KinematicAuv):
             super().surface()
 
 
+class RisingAuv(KinematicAuv):
+    """Is up three seconds after it was told to come up."""
+
+    now_s = 0.0
+    up_s = math.inf
+
+    def follow(self, waypoints: Sequence[Point]) -> None:
+        super().follow(waypoints)
+        self.up_s = math.inf
+
+    def surface(self) -> None:
+        self.up_s = min(self.up_s, self.now_s + 3.0)
+
+    def step(self, now_s: float) -> AuvState:
+        self.now_s = now_s
+        if now_s >= self.up_s:
+            super().surface()
+        return super().step(now_s)
+
+
 class Bench:
     """An AUV in its water, driven second by second."""
 
@@ -100,7 +128,7 @@ class Bench:
         vehicle: Callable[[AuvDriverSetup], KinematicAuv] = KinematicAuv,
         seed: int = 1,
     ) -> None:
-        driver = vehicle(
+        self.driver = vehicle(
             AuvDriverSetup(
                 name='auv_1',
                 start=REGION.centre(path[0]),
@@ -110,7 +138,7 @@ class Bench:
                 rng=np.random.default_rng(seed),
             )
         )
-        mission = AuvMission(
+        self.mission = AuvMission(
             region=REGION,
             uav='uav',
             speed_mps=1.0,
@@ -119,8 +147,20 @@ class Bench:
             surface_margin_s=0.0,
             tick_s=1.0,
         )
-        self.agent = AuvAgent('auv_1', mission, driver, Eastings())
+        self.store = MemoryStore()
+        self.agent = self.make_agent()
         self.now_s = -1.0
+        self.last: SurfacingReport | None = None
+        """What it said last."""
+
+    def make_agent(self) -> AuvAgent:
+        custody = SampleCustody(self.store, FRAME_BYTES, response_s=0.0)
+        return AuvAgent('auv_1', self.mission, self.driver, Eastings(), self.store, custody)
+
+    def restart(self) -> None:
+        """Have another process go on, with the same vehicle."""
+        self.store = self.store.reopened()
+        self.agent = self.make_agent()
 
     def tick(self, seconds: int = 1) -> list[Output]:
         """Let time pass; return what came of the last second."""
@@ -128,13 +168,27 @@ class Bench:
         for _ in range(seconds):
             self.now_s += 1.0
             output = self.agent.tick(self.now_s)
+            self.store.commit()
+            for body in said(output):
+                if isinstance(body, SurfacingReport):
+                    self.last = body
         return output
 
     def hear(self, message: Message) -> list[Output]:
-        return self.agent.receive('uav', message, self.now_s)
+        output = self.agent.receive('uav', message, self.now_s)
+        self.store.commit()
+        return output
 
-    def acknowledge(self, leg_id: int) -> list[Output]:
-        return self.hear(Acknowledgement(acknowledges=CUSTODY, reference=leg_id))
+    def relieve(self, first: int, until: int) -> list[Output]:
+        """Have the UAV say that it holds some samples."""
+        return self.hear(SampleReceipt(held=(span(first, until),), at_c3=()))
+
+    def follow_on(self) -> list[Output]:
+        """Assign a leg that begins where the last one ended, as far as is known."""
+        if self.last is None:
+            return []
+        col, row = self.last.cell
+        return self.assign(self.last.leg_id + 1, (col, row), (col ^ 1, row))
 
     def assign(self, leg_id: int, *path: Cell, seconds: float = 100.0) -> list[Output]:
         return self.hear(assignment(leg_id, *path, deadline_s=self.now_s + seconds))
@@ -143,6 +197,14 @@ class Bench:
 def assignment(leg_id: int, *path: Cell, deadline_s: float = 1e6) -> PathAssignment:
     leg = Leg(leg_id=leg_id, path=path, surface_deadline_s=deadline_s)
     return PathAssignment(auv='auv_1', leg=leg)
+
+
+def span(first: int, until: int) -> SampleSpan:
+    return SampleSpan(auv='auv_1', first=first, until=until)
+
+
+def keys(spans: Sequence[SampleSpan]) -> set[int]:
+    return {number for each in spans for number in range(each.first, each.until)}
 
 
 def recovery(leg_id: int) -> RecoveryOrder:
@@ -245,7 +307,7 @@ def test_a_failure_while_it_comes_up_at_its_deadline_does_not_make_it_early() ->
 def test_from_between_two_cells_the_next_leg_first_goes_back_to_the_last_cell() -> None:
     bench = Bench(path=((0, 0), (1, 0), (2, 0)), real_speed_mps=0.75)
     bench.tick(21)
-    bench.acknowledge(0)
+    bench.relieve(0, 2)
     bench.assign(1, (1, 0), (1, 1))
     assert said(bench.tick(19)) == []
     found = report(bench.tick())  # 5 m back and 10 m on, at 0.75 m/s
@@ -344,36 +406,81 @@ def test_a_lost_auv_is_not_heard_of_again() -> None:
 # --- custody -------------------------------------------------------------------------------------
 
 
-def test_acknowledged_samples_are_not_said_again() -> None:
+def numbers(samples: Sequence[Sample]) -> list[int]:
+    assert all(sample.auv == 'auv_1' for sample in samples)
+    return [sample.number for sample in samples]
+
+
+def test_samples_that_the_uav_holds_are_not_said_again() -> None:
     bench = Bench()
-    assert len(report(bench.tick(11)).samples) == 2
-    assert bench.acknowledge(0) == []
+    assert numbers(report(bench.tick(11)).samples) == [0, 1]
+    assert bench.relieve(0, 2) == []
     assert report(bench.tick()).samples == ()
+    assert report(bench.tick()).samples_taken == 2
 
 
-def test_samples_that_nobody_acknowledged_come_with_the_next_report() -> None:
+def test_samples_that_nobody_holds_come_with_the_next_report() -> None:
     bench = Bench()
     bench.tick(11)
-    bench.assign(1, (1, 0), (2, 0))  # the acknowledgement before it was lost
-    assert [sample.number for sample in report(bench.tick(10)).samples] == [0, 1, 2]
+    bench.assign(1, (1, 0), (2, 0))  # the receipt before it was lost
+    assert numbers(report(bench.tick(10)).samples) == [0, 1, 2]
 
 
-@pytest.mark.parametrize('leg_id', [0, 2])
-def test_custody_of_another_leg_relieves_it_of_nothing(leg_id: int) -> None:
+def test_the_uav_may_hold_any_of_them() -> None:
     bench = Bench()
     bench.tick(11)
-    bench.acknowledge(0)
+    bench.relieve(1, 2)
+    assert numbers(report(bench.tick()).samples) == [0]
+
+
+def test_what_is_at_c3_is_forgotten() -> None:
+    bench = Bench()
+    bench.tick(11)
+    bench.hear(SampleReceipt(held=(), at_c3=(span(0, 1),)))
+    bench.restart()
+    assert numbers(report(bench.tick()).samples) == [1]
+
+
+def test_what_the_uav_holds_is_not_forgotten() -> None:
+    bench = Bench()
+    bench.tick(11)
+    bench.relieve(0, 2)
+    bench.restart()
+    assert numbers(report(bench.tick()).samples) == [0, 1]
+
+
+TEN_CELLS = (*((0, 0), (1, 0), (2, 0), (3, 0), (3, 1), (2, 1), (1, 1), (0, 1), (0, 2), (1, 2)),)
+
+
+def test_what_does_not_fit_into_the_report_goes_in_batches_while_the_uav_listens() -> None:
+    bench = Bench(path=TEN_CELLS)
+    first = report(bench.tick(91))
+    assert (numbers(first.samples), first.samples_taken) == (list(range(PER_FRAME)), 10)
+    (batch,) = said(bench.relieve(0, PER_FRAME))
+    assert isinstance(batch, SampleBatch)
+    assert numbers(batch.samples) == list(range(PER_FRAME, 10))
+    # Nothing is said twice at a time: the answer may be on its way.
+    assert bench.relieve(0, PER_FRAME) == []
+    assert numbers(report(bench.tick()).samples) == list(range(PER_FRAME, 10))
+
+
+def test_a_receipt_under_water_is_noted_and_not_answered() -> None:
+    # At sea it was on its way when the AUV dived.
+    bench = Bench()
+    bench.tick(11)
     bench.assign(1, (1, 0), (2, 0))
-    bench.tick(10)
-    bench.acknowledge(leg_id)
-    assert [sample.number for sample in report(bench.tick()).samples] == [2]
+    assert bench.relieve(0, 1) == []
+    assert numbers(report(bench.tick(10)).samples) == [1, 2]
 
 
-def test_nobody_can_take_custody_of_what_was_not_said() -> None:
-    bench = Bench(path=((0, 0), (1, 0), (2, 0)))
-    bench.tick(15)  # under way, one cell further
-    bench.acknowledge(0)
-    assert [sample.number for sample in report(bench.tick(6)).samples] == [0, 1, 2]
+def test_with_its_last_path_done_it_is_still_relieved() -> None:
+    bench = Bench()
+    bench.tick(11)
+    bench.hear(recovery(0))
+    bench.tick()
+    (batch,) = said(bench.relieve(0, 1))
+    assert isinstance(batch, SampleBatch)
+    assert numbers(batch.samples) == [1]
 
 
 # --- the next leg --------------------------------------------------------------------------------
@@ -383,7 +490,8 @@ def test_it_takes_its_next_leg_and_dives() -> None:
     bench = Bench()
     bench.tick(11)
     output = bench.assign(1, (1, 0), (2, 0), (2, 1), seconds=20.0)
-    assert said(output) == [taken(1)]
+    # Thrice: it dives with that, and nobody can ask again.
+    assert said(output) == [taken(1)] * 3
     assert events(output) == [
         Dived(leg_id=1, path=((1, 0), (2, 0), (2, 1)), surface_deadline_s=30.0)
     ]
@@ -510,7 +618,12 @@ def walks(draw: st.DrawFn) -> tuple[Cell, ...]:
     return tuple(path)
 
 
+few_spans = st.lists(st.tuples(st.integers(0, 20), st.integers(1, 8)), max_size=3).map(
+    lambda parts: tuple(span(first, first + length) for first, length in parts)
+)
+receipts = st.builds(SampleReceipt, held=few_spans, at_c3=few_spans)
 orders = st.one_of(
+    receipts,
     st.builds(Acknowledgement, acknowledges=st.sampled_from(Acknowledged), reference=leg_ids),
     st.tuples(leg_ids, walks(), st.floats(0, 500)).map(
         lambda parts: assignment(parts[0], *parts[1], deadline_s=parts[2])
@@ -522,36 +635,129 @@ FOLLOW_ON = st.just('follow on')
 """A well-made next leg, so that the AUV gets around; its custody is sometimes lost."""
 
 
-@given(st.lists(PASS_TIME | FOLLOW_ON | orders, max_size=30), st.integers(0, 5))
-def test_whatever_it_hears_no_sample_is_lost_or_said_twice_after_custody(
+inputs_of_any_kind = st.lists(PASS_TIME | FOLLOW_ON | orders, max_size=30)
+
+
+def give(bench: Bench, step: int | str | Message) -> list[list[Output]]:
+    """Give an AUV one input, and return what came of it, second by second."""
+    match step:
+        case int(seconds):
+            return [bench.tick() for _ in range(seconds)]
+        case str():
+            return [bench.follow_on()]
+        case _:
+            return [bench.hear(step)]
+
+
+@given(inputs_of_any_kind, st.integers(0, 5))
+def test_whatever_it_hears_it_says_the_oldest_samples_that_nobody_holds(
     inputs: list[int | str | Message], seed: int
 ) -> None:
     bench = Bench(surfacing='{"model": "early", "probability": 0.5}', seed=seed)
     entered = 0
-    relieved = 0
-    last: SurfacingReport | None = None
-
-    def check(output: list[Output]) -> None:
-        nonlocal entered, last
-        entered += sum(isinstance(event, CellEntered) for event in events(output))
-        for body in said(output):
-            if isinstance(body, SurfacingReport):
-                last = body
-                numbers = [sample.number for sample in body.samples]
-                assert numbers == list(range(relieved, entered))
-        if any(isinstance(event, Dived) for event in events(output)):
-            last = None
-
+    held: set[int] = set()
+    at_c3: set[int] = set()
     for step in [1, *inputs]:
-        match step:
-            case int(seconds):
-                for _ in range(seconds):
-                    check(bench.tick())
-            case str():
-                if last is not None:
-                    col, row = last.cell
-                    check(bench.assign(last.leg_id + 1, (col, row), (col ^ 1, row)))
+        if isinstance(step, SampleReceipt):
+            held = keys(step.held)
+            at_c3 |= keys(step.at_c3)
+        for output in give(bench, step):
+            entered += sum(isinstance(event, CellEntered) for event in events(output))
+            waiting = [number for number in range(entered) if number not in held | at_c3]
+            for body in said(output):
+                if isinstance(body, SurfacingReport):
+                    assert body.samples_taken == entered
+                    assert numbers(body.samples) == waiting[:PER_FRAME]
+                elif isinstance(body, SampleBatch):
+                    assert set(numbers(body.samples)) <= set(waiting)
+    kept = keys(SampleCustody(bench.store, FRAME_BYTES, response_s=0.0).spans)
+    assert kept == set(range(entered)) - at_c3
+
+
+# --- another process goes on ---------------------------------------------------------------------
+
+
+def as_said(output: list[Output]) -> list[Output]:
+    """
+    Return what is said, shown and logged, but for samples.
+
+    Which ones the UAV holds a new process hears with the next receipt, and says some once more.
+    """
+    plain: list[Output] = []
+    for each in output:
+        match each:
+            case Transmit(body=SampleBatch()):
+                continue
+            case Transmit(dst, SurfacingReport() as body):
+                plain.append(Transmit(dst, structs.replace(body, samples=())))
             case _:
-                if last is not None and step == taken(last.leg_id, CUSTODY):
-                    relieved = entered
-                check(bench.hear(step))
+                plain.append(each)
+    return plain
+
+
+VEHICLES = (KinematicAuv, SluggishAuv, RisingAuv, StubbornAuv)
+SURFACINGS = (
+    '{"model": "on_time"}',
+    '{"model": "early", "probability": 0.5}',
+    '{"model": "abort", "at_s": 25}',
+)
+
+
+@given(
+    st.lists(st.tuples(PASS_TIME | FOLLOW_ON | orders, st.integers(0, 3)), max_size=20),
+    st.sampled_from(VEHICLES),
+    st.sampled_from(SURFACINGS),
+    st.sampled_from([1.0, 0.75]),
+)
+def test_a_new_process_does_what_the_one_before_would_have_done(
+    inputs: list[tuple[int | str | Message, int]],
+    vehicle: type[KinematicAuv],
+    surfacing: str,
+    real_speed_mps: float,
+) -> None:
+    def bench() -> Bench:
+        return Bench(
+            path=THREE_CELLS,
+            surfacing=surfacing,
+            real_speed_mps=real_speed_mps,
+            vehicle=vehicle,
+        )
+
+    unharmed, killed = bench(), bench()
+    for step, seconds_to_live in [(1, 0), *inputs]:
+        if seconds_to_live and isinstance(step, int):
+            # It dies within that time, too.
+            for _ in range(min(step, seconds_to_live)):
+                assert as_said(unharmed.tick()) == as_said(killed.tick())
+        killed.restart()
+        assert killed.agent.finished == unharmed.agent.finished
+        for output, expected in zip(give(killed, step), give(unharmed, step), strict=True):
+            assert as_said(output) == as_said(expected)
+    for each in (unharmed, killed):
+        each.hear(SampleReceipt(held=(), at_c3=(span(0, 1000),)))
+    assert unharmed.tick() == killed.tick()
+
+
+@pytest.mark.parametrize('vehicle', VEHICLES)
+@pytest.mark.parametrize('seconds', range(1, 31))
+def test_a_leg_is_the_same_with_a_death_at_any_second_of_it(
+    seconds: int, vehicle: type[KinematicAuv]
+) -> None:
+    benches = [Bench(path=THREE_CELLS, real_speed_mps=0.75, vehicle=vehicle) for _ in range(2)]
+    unharmed, killed = benches
+    for now in range(40):
+        if now == seconds:
+            killed.restart()
+        assert unharmed.tick() == killed.tick()
+        if now == 26:
+            assert unharmed.follow_on() == killed.follow_on()
+
+
+def test_up_for_recovery_a_new_process_stays_up() -> None:
+    bench = Bench()
+    bench.tick(11)
+    bench.hear(recovery(0))
+    bench.restart()
+    assert bench.agent.finished
+    assert said(bench.tick()) == []
+    assert said(bench.hear(recovery(0))) == [taken(0, Acknowledged.RECOVERY_ORDER)]
