@@ -25,6 +25,10 @@ class Run:
             text=True,
         )
 
+    def resume(self) -> None:
+        """Go on with it after all its processes have ended."""
+        self._begin('resume', str(self.out))
+
     def wait_for_flight(self, recorded_bytes: int = FLYING_BYTES) -> None:
         """Wait until the mission is being recorded."""
         bag = self.out / 'bag' / 'bag.mcap'

@@ -1,4 +1,4 @@
-"""Nodes that are killed while a mission is flown over real processes: it goes on."""
+"""Nodes that are killed or hang while a mission is flown over real processes: it goes on."""
 
 import json
 import os
@@ -9,9 +9,51 @@ import pytest
 from orchestrated_run import Run
 from patience import wait_until
 
+from c3_station.bag import BagReader
 from c3_station.exit_codes import ExitCode
+from c3_station.mission_record import read_mission
+from msgs_json.messages import MissionResumed, NodeRestarted
 
 pytestmark = pytest.mark.ros
+
+
+def restarts_in(bag: Path) -> list[NodeRestarted]:
+    return [
+        each.event for each in read_mission(bag).events if isinstance(each.event, NodeRestarted)
+    ]
+
+
+@pytest.mark.parametrize('victim', ['auv_2', 'uav', 'c3'])
+def test_a_node_that_is_killed_is_started_again_and_the_mission_goes_on(
+    tmp_path: Path, runs: list[Run], victim: str
+) -> None:
+    run = Run(tmp_path / 'run', '--rate', '150')
+    runs.append(run)
+    run.wait_for_flight()
+    os.kill(run.nodes()[victim], signal.SIGKILL)
+    code, output = run.end()
+    assert code == ExitCode.OK, output
+    assert f'{victim} ended by SIGKILL, restarted (1)' in output
+    assert 'Traceback' not in output
+    assert run.nodes() == {}
+    assert restarts_in(run.out / 'bag') == [NodeRestarted(node=victim, restarts=1)]
+    with BagReader(run.out / 'bag') as reader:
+        assert reader.facts.complete
+    summary = json.loads((run.out / 'summary.json').read_text())
+    assert summary['explored_s'] == 457.0  # as if nothing had happened
+    assert summary['samples_delivered'] == summary['samples_collected']
+
+
+def test_a_node_that_hangs_is_killed_and_started_again(tmp_path: Path, runs: list[Run]) -> None:
+    run = Run(tmp_path / 'run', '--rate', '150')
+    runs.append(run)
+    run.wait_for_flight()
+    os.kill(run.nodes()['auv_3'], signal.SIGSTOP)
+    code, output = run.end()
+    assert code == ExitCode.OK, output
+    assert 'auv_3 hangs: auv_3 (no answer)' in output
+    assert 'auv_3 ended by SIGKILL, restarted (1)' in output
+    assert restarts_in(run.out / 'bag') == [NodeRestarted(node='auv_3', restarts=1)]
 
 
 def test_a_node_that_dies_again_and_again_ends_the_mission(
@@ -37,3 +79,25 @@ def test_a_node_that_dies_again_and_again_ends_the_mission(
     assert run.nodes() == {}
     summary = json.loads((run.out / 'summary.json').read_text())
     assert summary['stopped'] == 'interrupted, waiting for auv_1 (no answer) (auv_1)'
+
+
+def test_a_mission_is_resumed_whose_machine_went_down(tmp_path: Path, runs: list[Run]) -> None:
+    run = Run(tmp_path / 'run', '--rate', '150')
+    runs.append(run)
+    run.wait_for_flight(300_000)
+    for pid in (run.process.pid, *run.nodes().values()):
+        os.kill(pid, signal.SIGKILL)
+    run.end()
+    run.resume()
+    code, output = run.end()
+    assert code == ExitCode.OK, output
+    record = read_mission(run.out / 'bag')
+    assert record.facts.complete
+    assert [each for each in record.events if isinstance(each.event, MissionResumed)] != []
+    assert record.summary.explored_s == 457.0
+    assert record.summary.samples_delivered == record.summary.samples_collected == 144
+    assert {path.name for path in run.out.glob('bag*')} == {'bag'}
+    run.resume()
+    code, output = run.end()
+    assert code == ExitCode.BAD_INPUT
+    assert 'its mission is over' in output

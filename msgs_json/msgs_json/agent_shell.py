@@ -36,6 +36,9 @@ _HEARD = frozenset({codec.OPERATOR_COMMAND, *(t.__name__ for t in RADIO_MESSAGES
 _BOOTS, _HIGHEST, _UNSAID, _VEHICLE = 'boots', 'heard', 'unsaid', 'vehicle'
 """Kinds of entries of the store; an agent has others."""
 
+_LATEST = 'latest'
+"""Kind of the entry that says when anything was stored last."""
+
 _BOOT_BITS = 32
 """A process counts what it says below this bit; above is how many processes there were before."""
 
@@ -194,6 +197,7 @@ class AgentShell:
         """Who said what since the tick began; a copy of it is not handed to the agent again."""
         self._outgoing = Outgoing(frame_bytes)
         self._incoming = Incoming()
+        self._latest_s = self._store.load(_LATEST, float).get('', 0.0)
         boot = self._store.load(_BOOTS, int).get('', -1) + 1
         self._speaker = Speaker(agent.name, boot, setting.authenticator)
         self._windows = {
@@ -211,6 +215,11 @@ class AgentShell:
     def is_busy(self) -> bool:
         """Return whether the agent has work left to do before anything else is asked of it."""
         return self._worker is not None and self._worker.is_busy
+
+    @property
+    def latest_s(self) -> float:
+        """Return the time of the last change that a process before this one has stored."""
+        return self._latest_s
 
     @property
     def next_seq(self) -> int:
@@ -330,6 +339,7 @@ class AgentShell:
             if frame.topic is MISSION_EVENTS and isinstance(frame.message, Text)
         ]
         self._store.put(_UNSAID, '', unsaid)
+        self._store.put(_LATEST, '', now_s)
         try:
             self._store.commit()
         except StoreError as error:

@@ -40,6 +40,11 @@ class GuardedAgent:
         return self._shell.agent.finished
 
     @property
+    def latest_s(self) -> float:
+        """Return the time of the last change that a process before this one has stored."""
+        return self._shell.latest_s
+
+    @property
     def next_seq(self) -> int:
         """Return the number of what the agent says next by radio."""
         return self._shell.next_seq

@@ -61,7 +61,12 @@ class AgentClient:
 
     def hello(self) -> Frame:
         """Return the hello; all publishers and subscriptions must exist."""
-        hello = Hello(kind=NodeKind.AGENT, life=self._life, next_seq=self._agent.next_seq)
+        hello = Hello(
+            kind=NodeKind.AGENT,
+            life=self._life,
+            next_seq=self._agent.next_seq,
+            latest_s=self._agent.latest_s,
+        )
         return self._speaker.frame(WORLD_HELLO, hello, 0.0)
 
     @property
@@ -161,10 +166,12 @@ class RecorderClient:
     it by. In its `Done`, ``received`` is the number of messages stored.
     """
 
-    def __init__(self, *, life: int) -> None:
+    def __init__(self, *, life: int, latest_s: float = 0.0) -> None:
+        """Begin; ``latest_s`` is the time of the last message that was recorded before."""
         self.has_all = False
         """Whether the mission is over and everything that was published in it is stored."""
         self._life = life
+        self._latest_s = latest_s
         self._speaker = Speaker(RECORDER)
         self._heard = {RECORDER: life}
         """The latest life of everybody."""
@@ -178,7 +185,7 @@ class RecorderClient:
 
     def hello(self) -> Frame:
         """Return the hello; all publishers and subscriptions must exist."""
-        hello = Hello(kind=NodeKind.RECORDER, life=self._life)
+        hello = Hello(kind=NodeKind.RECORDER, life=self._life, latest_s=self._latest_s)
         return self._speaker.frame(WORLD_HELLO, hello, 0.0)
 
     def hear_hello(self, src: str, hello: Hello) -> list[Frame]:

@@ -686,6 +686,10 @@ class NodeRestarted(Event, frozen=True):
     """How often that was so far."""
 
 
+class MissionResumed(Event, frozen=True):
+    """World: the mission goes on where it was when all its processes had ended."""
+
+
 class MissionStopped(Event, frozen=True):
     """World: the simulation ended before C3 called the mission complete."""
 
@@ -717,6 +721,7 @@ MissionEvent = (
     | StorageFailed
     | StorageRestored
     | NodeRestarted
+    | MissionResumed
     | MissionStopped
 )
 
@@ -746,6 +751,8 @@ class Hello(Message, frozen=True):
     life: Life
     next_seq: Count = 0
     """Number of what it will say next by radio."""
+    latest_s: Seconds = 0.0
+    """The latest time of which anything is left of its former lives; the mission goes on there."""
 
 
 class Go(Message, frozen=True):

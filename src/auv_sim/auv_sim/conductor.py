@@ -236,6 +236,9 @@ class Conductor:
         if src != RECORDER:
             self._agents[src].begin_life(hello.next_seq)
             self._world.expect(src, hello.next_seq)
+        if not self._has_begun:
+            # A mission whose machine went down goes on: for nobody does time go back.
+            self._next_tick = max(self._next_tick, self._world.ticks_until(hello.latest_s))
         if self.phase is not Phase.GATHERING:
             return self._welcome_back(src)
         self._found(src)
@@ -298,6 +301,7 @@ class Conductor:
 
     def begin_tick(self) -> list[Addressed]:
         """Open the next tick; only in phase RESTING."""
+        is_resumed = not self._has_begun and self._next_tick > 0
         self._has_begun = True
         self._world.tick, self._next_tick = self._next_tick, self._next_tick + 1
         for agent in self._agents.values():
@@ -306,7 +310,10 @@ class Conductor:
         behind = self._has_recorder and total - self._asked_for >= RECORDER_BACKLOG
         self._wait_for(Phase.WORKING, self._nodes if behind else self._world.order)
         self._ask(behind)
-        return [*self._shown([self._world.clock()]), (WORLD, self._tick_frame())]
+        shown = [self._world.clock()]
+        if is_resumed:
+            shown.append(self._world.resumed())
+        return [*self._shown(shown), (WORLD, self._tick_frame())]
 
     def saw(self, name: str, odometry: Odometry) -> list[Addressed]:
         """Take a vehicle's true pose."""

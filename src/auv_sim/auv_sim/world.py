@@ -12,8 +12,8 @@ from auv_sim.radio_channel import Delivery, RadioChannel
 from auv_sim.radio_model import ChannelModel, StationKind
 from msgs_json.agent_shell import Frame, Speaker
 from msgs_json.authentication import Authenticator
-from msgs_json.geometry import Point, is_before
-from msgs_json.messages import MissionStopped, NodeRestarted, RadioStatus
+from msgs_json.geometry import Point, is_before, whole_ticks
+from msgs_json.messages import MissionResumed, MissionStopped, NodeRestarted, RadioStatus
 from msgs_json.ros_messages import ClockTime, Odometry
 from msgs_json.topics import CLOCK, MISSION_EVENTS, RADIO_STATUS
 
@@ -61,6 +61,10 @@ class World:
         """Return whether the next tick would lie beyond the hard stop."""
         return is_before(self._spec.max_mission_s, (self.tick + 1) * self._spec.tick_s)
 
+    def ticks_until(self, time_s: float) -> int:
+        """Return the number of the first tick that is not before a time."""
+        return whole_ticks(time_s / self._spec.tick_s)
+
     def clock(self) -> Frame:
         """Return the clock of this tick."""
         return Frame(CLOCK, ClockTime(time_s=self.now_s))
@@ -93,6 +97,10 @@ class World:
         """Return the log entry of an agent that came up anew."""
         event = NodeRestarted(node=name, restarts=restarts)
         return self._speaker.frame(MISSION_EVENTS, event, self.now_s)
+
+    def resumed(self) -> Frame:
+        """Return the log entry of a mission that goes on after everything had ended."""
+        return self._speaker.frame(MISSION_EVENTS, MissionResumed(), self.now_s)
 
     def stopped(self, reason: str, node: str | None = None) -> Frame:
         """Return the log entry of an end that C3 did not call."""

@@ -31,6 +31,7 @@ from msgs_json.messages import (
     Hello,
     Message,
     MissionEvent,
+    MissionResumed,
     NodeKind,
     NodeRestarted,
     Ready,
@@ -420,7 +421,7 @@ def topics(output: list[Addressed]) -> list[str]:
     return [frame.topic.name for _, frame in output]
 
 
-def restarted(output: list[Addressed]) -> list[MissionEvent]:
+def events(output: list[Addressed]) -> list[MissionEvent]:
     return [body_of(frame) for _, frame in output if frame.topic is MISSION_EVENTS]  # type: ignore[misc]
 
 
@@ -436,7 +437,7 @@ def test_deliveries_that_were_not_worked_off_are_delivered_again_once_it_has_tic
     assert heard == [('uav', Frame(RADIO_RX, Text(payload))) for payload in (first, second)]
     each.done('uav', done(2, received=1))
     output = each.hello('uav', hello(9))
-    assert restarted(output) == [NodeRestarted(node='uav', restarts=1)]
+    assert events(output) == [NodeRestarted(node='uav', restarts=1)]
     assert topics(output)[-1] == WORLD_GO.name
     assert each.done('uav', done(2, received=2)) == []  # the last word of the dead
     assert topics(each.ready('uav', Ready(go=1))) == [WORLD_TICK.name]
@@ -530,6 +531,27 @@ def test_an_interrupt_tells_who_was_waited_for() -> None:
     fresh = under_way()
     fresh.interrupt()
     assert fresh.verdict == 'interrupted'
+
+
+def test_a_mission_goes_on_at_the_latest_time_that_anybody_remembers() -> None:
+    each = conductor(recorder=False)
+    for name, latest_s in (('c3', 3.0), ('uav', 6.5), ('auv_1', 0.0)):
+        each.hello(name, Hello(kind=NodeKind.AGENT, life=1, latest_s=latest_s))
+    for name in KINDS:
+        each.ready(name, Ready(go=0))
+    output = each.begin_tick()
+    (tick,) = (body_of(frame) for _, frame in output if frame.topic is WORLD_TICK)
+    assert tick == Tick(tick=7, time_s=7.0, published=None, go=0)
+    assert events(output) == [MissionResumed()]
+
+
+def test_a_mission_that_begins_is_not_resumed() -> None:
+    each = conductor(recorder=False)
+    for name in KINDS:
+        each.hello(name, hello(1))
+    for name in KINDS:
+        each.ready(name, Ready(go=0))
+    assert events(each.begin_tick()) == []
 
 
 def test_a_second_go_disturbs_nobody_else() -> None:

@@ -436,21 +436,36 @@ def recover_bag(path: Path, out: Path) -> int:
     """
     if _is_whole(path):
         raise BagError(f'{path}: is whole and can be read; there is nothing to recover')
-    files = _files_to_salvage(path)
-    salvage = Salvage()
-    for file in files:
-        try:
-            salvage.read(file)
-        except ValueError as error:
-            raise BagError(str(error)) from None
+    salvage = salvage_bag(path)
     if not salvage.messages:
-        sizes = ', '.join(f'{file.name} of {file.stat().st_size} bytes' for file in files)
+        sizes = ', '.join(
+            f'{file.name} of {file.stat().st_size} bytes' for file in _files_to_salvage(path)
+        )
         raise BagError(f'{path}: holds no whole message ({sizes}); nothing can be recovered')
     try:
         _write_salvage(salvage, out)
     except (OSError, WriterError) as error:
         raise BagError(f'{out}: cannot be written: {error}') from None
     return len(salvage.messages)
+
+
+def salvage_bag(path: Path) -> Salvage:
+    """
+    Return all that is in a bag, whole or not.
+
+    Raises
+    ------
+    BagError
+        There is none, or it cannot be read.
+
+    """
+    salvage = Salvage()
+    for file in _files_to_salvage(path):
+        try:
+            salvage.read(file)
+        except ValueError as error:
+            raise BagError(str(error)) from None
+    return salvage
 
 
 def _is_whole(path: Path) -> bool:

@@ -144,6 +144,16 @@ def _run(options: argparse.Namespace, console: Console) -> ExitCode:
     )
 
 
+def _resume_options(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument('out', type=Path, help='folder of the run')
+
+
+def _resume(options: argparse.Namespace, console: Console) -> ExitCode:
+    from c3_station.mission_run import resume_mission
+
+    return resume_mission(options.out, console)
+
+
 # --- campaign ------------------------------------------------------------------------------------
 
 _DEFAULT_MISSIONS = 100
@@ -415,6 +425,12 @@ def _command(options: argparse.Namespace, console: Console) -> ExitCode:
 
 _COMMANDS = {
     'run': _Command('fly a mission', 'run ecc2009 --rate max', _run_options, _run),
+    'resume': _Command(
+        'go on with a mission whose machine went down',
+        'resume runs/ecc2009',
+        _resume_options,
+        _resume,
+    ),
     'campaign': _Command(
         'fly many missions, over seeds and variations of scenarios, and compare planners',
         'campaign ecc2009 --missions 200 --vary surfacing=early_10,slow,mixed',

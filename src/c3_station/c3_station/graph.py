@@ -81,6 +81,7 @@ def write_params(
     stores: Path | None = None,
     key: Path | None = None,
     restarted: tuple[str, ...] = (),
+    before: Path | None = None,
 ) -> None:
     """
     Write the parameters of every node of a mission, for ``--params-file``.
@@ -103,6 +104,8 @@ def write_params(
         File with the key of the mission; None: nothing is signed.
     restarted
         Agents that somebody starts again when they die.
+    before
+        What is recorded of the mission already; the new bag begins with it.
 
     Raises
     ------
@@ -136,7 +139,9 @@ def write_params(
     }
     if bag is not None:
         nodes[f'/{RECORDER}/recorder'] = RecorderParams(
-            out=str(bag), scenario=scenario_json(scenario).decode()
+            out=str(bag),
+            scenario=scenario_json(scenario).decode(),
+            before=str(before) if before is not None else '',
         )
     try:
         path.write_text(params_yaml(nodes, use_sim_time=True), encoding='utf-8')

@@ -23,6 +23,7 @@ from msgs_json.messages import (
     Met,
     Missed,
     MissionCompleted,
+    MissionResumed,
     MissionStopped,
     NodeRestarted,
     PlanningAhead,
@@ -237,6 +238,9 @@ class MissionMonitor:
                 return f'mission {self.ended}'
             case NodeRestarted(node=node, restarts=restarts):
                 return f'{node} is back, restart {restarts}'
+            case MissionResumed():
+                self.ended = None
+                return 'mission goes on'
             case MissionStopped(reason=reason):
                 self.ended = reason
                 return f'mission stopped: {reason}'

@@ -2,28 +2,35 @@
 
 from __future__ import annotations
 
+import shutil
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from time import monotonic
 
+import msgspec
 from rich.console import Console
 from rich.live import Live
 
-from c3_station.bag import BagError, BagReader, find_bag, recover_bag
+from c3_station.bag import BagError, BagReader, find_bag, recover_bag, salvage_bag
 from c3_station.exit_codes import ExitCode
+from c3_station.flight import Flight
 from c3_station.interrupts import interruptible
 from c3_station.live_view import LiveView
 from c3_station.mission_monitor import MissionMonitor
 from c3_station.node_params import UAV
 from c3_station.process_flight import fly_in_process
 from c3_station.report import write_report
+from c3_station.resumption import bags_aside, resumption, set_bag_aside
 from c3_station.ros_flight import fly_on_ros
-from c3_station.run_folder import RunFolder, new_run_folder
+from c3_station.run_folder import RunFolder, Way, new_run_folder
 from c3_station.scenario import Scenario
 from c3_station.scenario_files import scenario_json
 from c3_station.summary import Summary, failed_conditions
+from msgs_json.ros_messages import Text, text_from_cdr
+from msgs_json.topics import MISSION_EVENTS
 
 _FRAMES_PER_S = 8
 _TOLD_EVERY_S = 5.0
@@ -55,11 +62,50 @@ def run_mission(scenario: Scenario, options: RunOptions, console: Console) -> Ex
 
     """
     folder = new_run_folder(options.out, scenario, force=options.force, key_file=options.key_file)
+    way = Way(rate=options.rate, ros=options.ros, bag=options.bag)
     folder.scenario.write_bytes(scenario_json(scenario))
-    monitor = MissionMonitor(scenario, UAV)
-    way = 'ROS 2 nodes' if options.ros else 'one process'
-    title = f'{scenario.name}, planner {scenario.planner.name}, seed {scenario.seed}, {way}'
-    fly = fly_on_ros if options.ros else fly_in_process
+    folder.way.write_bytes(msgspec.json.encode(way))
+    fly = fly_on_ros if way.ros else fly_in_process
+    with folder.held():
+        return _fly_and_tell(fly, folder, scenario, way, MissionMonitor(scenario, UAV), console)
+
+
+def resume_mission(out: Path, console: Console) -> ExitCode:
+    """
+    Go on with a run whose processes have all ended before its mission was over.
+
+    Raises
+    ------
+    ValueError
+        There is no such run, or it cannot be resumed.
+
+    """
+    left = resumption(out)
+    with left.folder.held():
+        before = set_bag_aside(left.folder) if left.way.bag else None
+        monitor = MissionMonitor(left.scenario, UAV)
+        if before is not None:
+            for topic, _, cdr in salvage_bag(before).messages:
+                if topic == MISSION_EVENTS.name:
+                    monitor.message(topic, Text(text_from_cdr(cdr)))
+        fly = partial(fly_on_ros, before=before)
+        code = _fly_and_tell(fly, left.folder, left.scenario, left.way, monitor, console)
+        if left.way.bag and _is_readable(left.folder, console):
+            for bag in bags_aside(left.folder):
+                shutil.rmtree(bag)  # the new one begins with what is in it
+        return code
+
+
+def _fly_and_tell(
+    fly: Callable[..., Flight],
+    folder: RunFolder,
+    scenario: Scenario,
+    way: Way,
+    monitor: MissionMonitor,
+    console: Console,
+) -> ExitCode:
+    words = 'ROS 2 nodes' if way.ros else 'one process'
+    title = f'{scenario.name}, planner {scenario.planner.name}, seed {scenario.seed}, {words}'
     interrupted = False
     problem = None
     try:
@@ -67,15 +113,13 @@ def run_mission(scenario: Scenario, options: RunOptions, console: Console) -> Ex
             interruptible() as look_for_interrupt,
             _live(console, monitor, title, look_for_interrupt) as refresh,
         ):
-            flight = fly(
-                scenario, folder, monitor, rate=options.rate, bag=options.bag, refresh=refresh
-            )
+            flight = fly(scenario, folder, monitor, rate=way.rate, bag=way.bag, refresh=refresh)
             problem = flight.problem
     except KeyboardInterrupt:
         interrupted = True
     if problem:
         console.print(problem, style='bold red', markup=False, highlight=False)
-    if options.bag and _is_readable(folder, console):
+    if way.bag and _is_readable(folder, console):
         summary, result = write_report(folder.bag, folder.path).summary, folder.report
     else:
         summary, result = monitor.summarizer.summary(), folder.summary

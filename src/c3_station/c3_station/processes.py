@@ -20,8 +20,14 @@ class NodeProcess:
     """One running executable with its log file."""
 
     def __init__(
-        self, name: str, command: Sequence[str], environment: Mapping[str, str], log: Path
+        self,
+        name: str,
+        command: Sequence[str],
+        environment: Mapping[str, str],
+        log: Path,
+        keeps: Sequence[int] = (),
     ) -> None:
+        """Start it; ``keeps`` are open files of this process that stay open in it."""
         self.name = name
         self.log = log
         self.started_us = time.monotonic_ns() // 1000
@@ -36,6 +42,7 @@ class NodeProcess:
                 stdout=sink,
                 stderr=subprocess.STDOUT,
                 process_group=0,
+                pass_fds=keeps,
                 preexec_fn=_end_with_parent,
             )
 

@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from functools import partial
 from pathlib import Path
 
-from c3_station.bag import BagError, BagFacts, BagWriter, LogTimes, source_of
+from c3_station.bag import BagError, BagFacts, BagWriter, LogTimes, salvage_bag, source_of
 from c3_station.node_params import C3, UAV
 from c3_station.recorded_topics import RecordedTopic, mission_topics
 from c3_station.recorder_params import RecorderParams
@@ -20,6 +20,7 @@ from msgs_json.node_exit import NodeExit
 from msgs_json.refusals import body_decoder
 from msgs_json.ros_messages import NANOSECONDS, to_cdr
 from msgs_json.topics import (
+    CLOCK,
     MISSION_EVENTS,
     SETPOINT,
     VEHICLE_ODOM,
@@ -49,7 +50,8 @@ class RecorderNode(HostedNode):
             namespaces = agent_namespaces(agents, params.namespaces)
             topics = mission_topics(scenario)
             self._bag = BagWriter(Path(params.out), topics)
-        self._client = RecorderClient(life=steady_us())
+            latest_ns = self._copy(params.before) if params.before else 0
+        self._client = RecorderClient(life=steady_us(), latest_s=latest_ns / NANOSECONDS)
         self._arrived: list[tuple[RecordedTopic, bytes]] = []
         self._has_failed = False
         """Nothing more can be written; the first failure is the cause of any other."""
@@ -87,6 +89,16 @@ class RecorderNode(HostedNode):
             self._bag.close(facts)
         except BagError as error:
             self._fail(error)
+
+    def _copy(self, before: str) -> int:
+        """Write what there is of a bag of the same mission; return when its clock stopped."""
+        latest_ns = 0
+        for topic, log_time_ns, cdr in salvage_bag(Path(before)).messages:
+            self._bag.write(topic, cdr, log_time_ns)
+            if topic == CLOCK.name:
+                latest_ns = max(latest_ns, log_time_ns)
+        self._bag.flush()
+        return latest_ns
 
     def _store(self, recorded: RecordedTopic, cdr: bytes) -> None:
         self._arrived.append((recorded, cdr))

@@ -14,6 +14,9 @@ class RecorderParams(Params, frozen=True):
     scenario: Annotated[
         str, param('the mission: a shipped scenario, a scenario file, or its JSON')
     ] = 'ecc2009'
+    before: Annotated[
+        str, param('folder of a bag, whole or not, with which this one begins; empty: none')
+    ] = ''
     namespaces: Annotated[
         tuple[str, ...],
         param('agents that are not in /<name>, as "auv_1=/north/auv_1"; the bag says /auv_1'),

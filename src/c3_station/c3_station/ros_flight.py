@@ -8,6 +8,7 @@ from collections import deque
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from pathlib import Path
 from time import monotonic
 
 from domain_coordinator import domain_id
@@ -43,12 +44,15 @@ def fly_on_ros(
     rate: float,
     bag: bool,
     refresh: Callable[[], None],
+    before: Path | None = None,
 ) -> Flight:
     """
     Fly a mission on a ROS graph of its own and return when all its processes have ended.
 
     The graph has a domain id that no other run on this machine uses, and stays on loopback.
-    ``refresh`` is called several times a second, after the monitor was brought up to date.
+    ``refresh`` is called several times a second, after the monitor was brought up to date. Where
+    the folder has stores of the mission's agents it goes on from there; ``before`` is what was
+    recorded until then.
     """
     with domain_id() as domain:
         os.environ.update(graph_environment(domain, folder.logs))
@@ -63,6 +67,7 @@ def fly_on_ros(
             reply_timeout_s=_REPLY_TIMEOUT_S,
             stores=folder.stores,
             key=folder.key,
+            before=before,
             restarted=tuple(
                 agent
                 for node in nodes
@@ -227,4 +232,5 @@ def _start(node: NodeSpec, folder: RunFolder) -> NodeProcess:
         '--params-file',
         str(folder.params),
     ]
-    return NodeProcess(node.name, command, os.environ, folder.logs / f'{node.name}.log')
+    log = folder.logs / f'{node.name}.log'
+    return NodeProcess(node.name, command, os.environ, log, keeps=folder.lock_files)

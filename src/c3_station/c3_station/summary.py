@@ -35,6 +35,7 @@ from msgs_json.messages import (
     Met,
     Missed,
     MissionCompleted,
+    MissionResumed,
     MissionStarted,
     MissionStatus,
     MissionStopped,
@@ -412,6 +413,8 @@ class _Figures:
                 self.started = self.started or event
             case MissionCompleted():
                 self.completed_s = time_s
+            case MissionResumed():
+                self.stopped = None
             case MissionStopped(reason=reason, node=node):
                 self.stopped = f'{reason} ({node})' if node else reason
             case MessageRefused():
