@@ -81,10 +81,7 @@ class SampleCustody:
         self._store = store
         self._batch_samples = samples_per_frame(frame_bytes)
         self._response_s = response_s
-        kept = sorted(
-            store.load(_SAMPLE, Sample).values(), key=lambda sample: (sample.auv, sample.number)
-        )
-        self._kept = {(sample.auv, sample.number): sample for sample in kept}
+        self._kept = _in_order(store.load(_SAMPLE, Sample).values())
         spans = store.load(_AT_C3, tuple[tuple[int, int], ...])
         self._at_c3 = {auv: NumberSet.from_spans(each) for auv, each in spans.items()}
         self._passed_on: dict[str, NumberSet] = {}
@@ -93,10 +90,11 @@ class SampleCustody:
 
     def take(self, samples: Iterable[Sample]) -> None:
         """Take samples over; those that are kept, or at C3, change nothing."""
-        for sample in samples:
-            if not self.has(sample.auv, sample.number):
-                self._kept[sample.auv, sample.number] = sample
-                self._store.put(_SAMPLE, _key(sample.auv, sample.number), sample)
+        new = [sample for sample in samples if not self.has(sample.auv, sample.number)]
+        if new:
+            self._kept = _in_order([*self._kept.values(), *new])
+        for sample in new:
+            self._store.put(_SAMPLE, _key(sample.auv, sample.number), sample)
 
     def has(self, auv: str, number: int) -> bool:
         """Return whether a sample is kept, or at C3."""
@@ -196,6 +194,12 @@ class SampleCustody:
             if name == auv:
                 numbers.add(number, number + 1)
         return [SampleSpan(auv=auv, first=first, until=until) for first, until in numbers.spans]
+
+
+def _in_order(samples: Iterable[Sample]) -> dict[tuple[str, int], Sample]:
+    """Return samples in the order in which they are said, which a crash does not change."""
+    by_key = {(sample.auv, sample.number): sample for sample in samples}
+    return dict(sorted(by_key.items()))
 
 
 def _key(auv: str, number: int) -> str:
