@@ -17,6 +17,7 @@ from msgs_json.messages import (
     AuvStatus,
     CellEntered,
     ContactState,
+    Directive,
     Dived,
     Event,
     GivenUp,
@@ -36,6 +37,10 @@ from msgs_json.messages import (
 )
 from msgs_json.ros_messages import ClockTime, Text
 from msgs_json.topics import MISSION_EVENTS, MISSION_STATUS
+
+ORDERED = Directive(
+    revision=0, paused=False, aborted=False, recalled=(), sortie_limit_s=60.0, masked=()
+)
 
 
 def watched() -> MissionMonitor:
@@ -231,6 +236,8 @@ def status(contact: ContactState | None, next_contact_s: float | None) -> Missio
         cells_total=100,
         cells_delivered=20,
         samples_delivered=22,
+        directive=ORDERED,
+        directive_taken=0,
         auvs=tuple(
             AuvStatus(
                 name=name,

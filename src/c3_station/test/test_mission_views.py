@@ -6,11 +6,14 @@ from hypothesis import given
 
 from c3_station.mission_views import diagnostics, occupancy, survey_markers
 from msgs_json.geometry import Cell, GridSpec, Point
-from msgs_json.messages import AuvStatus, ContactState, MissionState, MissionStatus
+from msgs_json.messages import AuvStatus, ContactState, Directive, MissionState, MissionStatus
 from msgs_json.ros_messages import Diagnostic, to_cdr
 
 REGION = GridSpec(cols=3, rows=2, cell_m=10.0)
 C3 = Point(east_m=50.0, north_m=0.0)
+ORDERED = Directive(
+    revision=0, paused=False, aborted=False, recalled=(), sortie_limit_s=60.0, masked=()
+)
 
 surveys = st.dictionaries(
     st.tuples(st.integers(0, 2), st.integers(0, 1)), st.floats(-1e9, 1e9), max_size=6
@@ -93,6 +96,8 @@ def mission_status(*auvs: AuvStatus) -> MissionStatus:
         cells_total=6,
         cells_delivered=5,
         samples_delivered=9,
+        directive=ORDERED,
+        directive_taken=0,
         auvs=auvs,
     )
 

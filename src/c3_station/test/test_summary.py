@@ -31,6 +31,8 @@ from msgs_json.messages import (
     AuvStatus,
     CellEntered,
     ContactState,
+    Directive,
+    DirectiveTaken,
     Event,
     GivenUp,
     HeardAgain,
@@ -55,6 +57,11 @@ from msgs_json.messages import (
 from msgs_json.ros_messages import Odometry, RosMessage, Text, TrackPath
 
 # --- a mission by hand ---------------------------------------------------------------------------
+
+
+ORDERED = Directive(
+    revision=0, paused=False, aborted=False, recalled=(), sortie_limit_s=60.0, masked=()
+)
 
 
 def tiny() -> Scenario:
@@ -104,10 +111,8 @@ def entered(number: int, cell: Cell) -> CellEntered:
     return CellEntered(cell=cell, sample_number=number)
 
 
-def delivered(sortie: int, samples: int, *, cells: int, age_s: float | None) -> SamplesDelivered:
-    return SamplesDelivered(
-        sortie=sortie, samples=samples, cells_delivered=cells, oldest_age_s=age_s
-    )
+def delivered(samples: int, *, cells: int, age_s: float | None) -> SamplesDelivered:
+    return SamplesDelivered(samples=samples, cells_delivered=cells, oldest_age_s=age_s)
 
 
 Log = list[tuple[float, str, Event]]
@@ -120,21 +125,21 @@ MISSION: Log = [
     (12.0, 'uav', departed(1)),
     (14.0, 'uav', met(1, 0, (1, 0), ((1, 0), (0, 0), (0, 1)))),
     (16.0, 'uav', SortieReturned(sortie=1, duration_s=4.0)),
-    (16.0, 'c3', delivered(1, 2, cells=2, age_s=16.0)),
+    (16.0, 'c3', delivered(2, cells=2, age_s=16.0)),
     (24.0, 'auv_1', entered(2, (0, 0))),
     (34.0, 'auv_1', entered(3, (0, 1))),
     (34.0, 'auv_1', surfaced(1, (0, 1))),
     (37.0, 'uav', departed(2)),
     (39.0, 'uav', met(2, 1, (0, 1), ((0, 1), (1, 1), (1, 0)))),
     (41.0, 'uav', SortieReturned(sortie=2, duration_s=4.0)),
-    (41.0, 'c3', delivered(2, 2, cells=3, age_s=17.0)),
+    (41.0, 'c3', delivered(2, cells=3, age_s=17.0)),
     (49.0, 'auv_1', entered(4, (1, 1))),
     (59.0, 'auv_1', entered(5, (1, 0))),
     (59.0, 'auv_1', surfaced(2, (1, 0))),
     (60.0, 'uav', departed(3)),
     (64.0, 'uav', met(3, 2, (1, 0), ())),
     (97.0, 'uav', SortieReturned(sortie=3, duration_s=37.0)),
-    (97.0, 'c3', delivered(3, 2, cells=4, age_s=48.0)),
+    (97.0, 'c3', delivered(2, cells=4, age_s=48.0)),
     (97.0, 'c3', MissionCompleted(cells_delivered=4, samples_delivered=6, lost=())),
 ]
 
@@ -151,6 +156,8 @@ def status_message(
         cells_total=4,
         cells_delivered=0,
         samples_delivered=sum(at_c3.values()),
+        directive=ORDERED,
+        directive_taken=0,
         auvs=tuple(
             AuvStatus(
                 name=name,
@@ -285,7 +292,7 @@ def test_neglect_of_an_auv_that_is_never_met_counts_to_the_end() -> None:
 
 
 def test_delivery_is_not_complete_while_a_sample_is_missing() -> None:
-    mission = [*without(SamplesDelivered), (97.0, 'c3', delivered(3, 5, cells=4, age_s=97.0))]
+    mission = [*without(SamplesDelivered), (97.0, 'c3', delivered(5, cells=4, age_s=97.0))]
     summary = summary_of(mission)
     assert summary.delivered_s is None
     assert summary.samples_missing == {'auv_1': 1}
@@ -301,8 +308,32 @@ def test_delivery_is_not_complete_while_c3_has_nothing_of_a_cell() -> None:
 
 
 def test_a_return_without_samples_delivers_nothing() -> None:
-    mission = [*MISSION, (99.0, 'c3', delivered(4, 0, cells=4, age_s=None))]
+    mission = [*MISSION, (99.0, 'c3', delivered(0, cells=4, age_s=None))]
     assert summary_of(mission).delivered_s == 97.0
+
+
+def test_an_entry_of_the_log_that_is_said_again_counts_once() -> None:
+    # A process says the last entries of the one before again, which may have died before it did.
+    summarizer = Summarizer()
+    for number, (stamp_s, source, event) in enumerate(MISSION):
+        entry = Text(codec.encode(event, src=source, dst='*', seq=number, stamp_s=stamp_s))
+        assert summarizer.message('/mission_events', entry)
+        assert not summarizer.message('/mission_events', entry)
+    summarizer.message('/c3/mission_status', status_message({'auv_1': 6}))
+    assert summarizer.summary() == summary_of(MISSION)
+
+
+def test_cells_that_the_operator_took_out_are_not_waited_for() -> None:
+    without_one = msgspec.structs.replace(ORDERED, revision=1, masked=((1, 1),))
+    taken = (12.0, 'uav', DirectiveTaken(directive=without_one))
+    mission = [*[each for each in MISSION if each[0] < 49.0], taken]
+    summary = summary_of(mission)
+    assert summary.cells_total == 3
+    assert (summary.explored_s, summary.delivered_s) == (34.0, 41.0)
+    # It may take them in again.
+    assert (
+        summary_of([*mission, (45.0, 'uav', DirectiveTaken(directive=ORDERED))]).cells_total == 4
+    )
 
 
 def test_the_oldest_sample_that_was_never_delivered_ages_until_the_end() -> None:
