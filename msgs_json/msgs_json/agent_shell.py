@@ -86,6 +86,10 @@ class Speaker:
         """Return the number of what is said next on a topic."""
         return self._first_seq + self._seq[topic.name]
 
+    def rewind(self, topic: Topic, next_seq: int) -> None:
+        """Begin with a number again: what got it, and all after that, was never said."""
+        self._seq[topic.name] = next_seq - self._first_seq
+
     def frame(self, topic: Topic, body: Message, stamp_s: float, dst: str | None = None) -> Frame:
         """Return a frame with the body in an envelope."""
         seq = self._seq[topic.name]
@@ -325,6 +329,7 @@ class AgentShell:
 
     def _stored(self, outputs: list[Output], now_s: float) -> list[Frame]:
         """Return what may be said after an input, once all that it has changed is stored."""
+        next_seq = self.next_seq
         frames = self._frames(outputs, now_s)
         if self._vehicle is not None:
             memory = self._vehicle.memory()
@@ -344,6 +349,7 @@ class AgentShell:
             self._store.commit()
         except StoreError as error:
             frames = [frame for frame in frames if frame.topic is not RADIO_TX]
+            self._speaker.rewind(RADIO_TX, next_seq)  # the radio takes a gap for a stranger's
             if not self._cannot_store:
                 self._cannot_store = True
                 failed = StorageFailed(problem=str(error))

@@ -9,9 +9,11 @@ gets all of it done before anything else happens.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
+from typing import Protocol
 
 from auv_sim.world import HARD_STOP, WORLD, World
-from msgs_json.agent_shell import AgentShell, Frame
+from msgs_json.agent import Agent
+from msgs_json.agent_shell import Frame
 from msgs_json.ros_messages import Odometry, Text
 from msgs_json.topics import ODOM, RADIO_RX, RADIO_TX
 
@@ -19,7 +21,28 @@ Sink = Callable[[str, Frame], None]
 """Takes every frame with the name of the agent in whose namespace it is published."""
 
 
-def run_mission(world: World, agents: Mapping[str, AgentShell], sink: Sink) -> None:
+class Shell(Protocol):
+    """What is asked of an `AgentShell` here."""
+
+    @property
+    def agent(self) -> Agent:
+        """Return the agent."""
+
+    @property
+    def is_busy(self) -> bool:
+        """Return whether the agent has work left to do before anything else is asked of it."""
+
+    def tick(self, now_s: float) -> list[Frame]:
+        """Tick the agent."""
+
+    def receive(self, data: bytes, now_s: float) -> list[Frame]:
+        """Hand the agent what came by radio."""
+
+    def work(self, now_s: float) -> list[Frame]:
+        """Let the agent do a slice of its work."""
+
+
+def run_mission(world: World, agents: Mapping[str, Shell], sink: Sink) -> None:
     """Run a mission until C3 calls it complete, or to the hard stop."""
     while True:
         _run_tick(world, agents, sink)
@@ -33,7 +56,7 @@ def run_mission(world: World, agents: Mapping[str, AgentShell], sink: Sink) -> N
         sink(WORLD, frame)
 
 
-def _run_tick(world: World, agents: Mapping[str, AgentShell], sink: Sink) -> None:
+def _run_tick(world: World, agents: Mapping[str, Shell], sink: Sink) -> None:
     now_s = world.now_s
     sink(WORLD, world.clock())
     for name in world.order:
@@ -47,7 +70,7 @@ def _run_tick(world: World, agents: Mapping[str, AgentShell], sink: Sink) -> Non
             _carry(name, frames, world, sink)
 
 
-def _worked_off(agent: AgentShell, frames: list[Frame], now_s: float) -> Iterator[Frame]:
+def _worked_off(agent: Shell, frames: list[Frame], now_s: float) -> Iterator[Frame]:
     """Yield what came of a tick or a message, and of the work that this began, as it is done."""
     yield from frames
     while agent.is_busy:

@@ -99,6 +99,27 @@ class PlannerChoice(Section, frozen=True, kw_only=True):
     """Settings of that planner alone."""
 
 
+class Faults(Section, frozen=True, kw_only=True):
+    """What else goes wrong, drawn from the seed; see docs/faults.md."""
+
+    kills: Annotated[int, msgspec.Meta(ge=0, le=10_000)] = 0
+    """So many times a node's process is killed, node by node in turn."""
+    hangs: Annotated[int, msgspec.Meta(ge=0, le=10_000)] = 0
+    """So many times one hangs until it is killed."""
+    forged: Annotated[int, msgspec.Meta(ge=0, le=1_000_000)] = 0
+    """Hostile messages that nodes hear by radio, all together."""
+    disk_full_s: NotNegative = 0.0
+    """For so long each node can store nothing, once."""
+    clock_jump_s: NotNegative = 0.0
+    """The ROS clock of each node jumps by up to so much, forth or back, once."""
+    off_by_one: Name | None = None
+    """The AUV that from some time on reports a neighbour of the cell it is in."""
+    nodes: tuple[Name, ...] = ()
+    """Whom all this but `off_by_one` befalls: `c3`, `uav` or AUVs; none named: everybody."""
+    until_s: Annotated[float, msgspec.Meta(ge=0, le=1e7)] | None = None
+    """Faults begin before this time; by default the least that the mission can take."""
+
+
 class OnDeath(enum.Enum):
     """What the orchestrator does when a node dies, or hangs."""
 
@@ -164,6 +185,7 @@ class Scenario(Section, frozen=True, kw_only=True):
     """The surveyed scalar field; see `auv_sim.survey_field`."""
     max_mission_s: Annotated[float, msgspec.Meta(ge=1, le=1e7)]
     """Hard stop, seconds of simulated time; generous."""
+    faults: Faults = Faults()
     on_death: OnDeath | OnDeathOf = OnDeath.RESTART
     """One for all kinds of nodes, or one for each."""
     operator: tuple[ScheduledCommand, ...] = ()

@@ -18,7 +18,7 @@ from auv_sim.survey_field import make_field
 from c3_station.c3_agent import mission_order
 from c3_station.radio_checks import radio_problems
 from c3_station.radio_timing import hearing_s
-from c3_station.scenario import RESERVED_NAMES, Limits, Scenario
+from c3_station.scenario import C3, RESERVED_NAMES, UAV, Limits, Scenario
 from c3_station.scheduled_commands import operator_command
 from c3_station.shape_checks import KeyPath, Problem, nearest
 from msgs_json.drivers import find_driver, registered_drivers
@@ -51,6 +51,7 @@ def _inconsistencies(scenario: Scenario) -> Iterator[Problem]:
     yield from _mask(scenario)
     yield from _fleet(scenario)
     yield from _wind(scenario)
+    yield from _faults(scenario)
     yield from radio_problems(scenario)
     planner = scenario.planner
     if planner.min_path_cells > planner.path_cells:
@@ -119,6 +120,18 @@ def _wind(scenario: Scenario) -> Iterator[Problem]:
             f'and wind_north_mps make a wind of {wind.speed_mps:g} m/s; allowed: less than'
             f' speed_mps, {uav.speed_mps:g} (a UAV cannot come home against more)',
         )
+
+
+def _faults(scenario: Scenario) -> Iterator[Problem]:
+    auvs = tuple(auv.name for auv in scenario.auvs)
+    for index, name in enumerate(scenario.faults.nodes):
+        if name not in (C3, UAV, *auvs):
+            yield Problem(
+                ('faults', 'nodes', index), f'is {name!r}; allowed: {C3}, {UAV}, {", ".join(auvs)}'
+            )
+    off_by_one = scenario.faults.off_by_one
+    if off_by_one is not None and off_by_one not in auvs:
+        yield Problem(('faults', 'off_by_one'), f'is {off_by_one!r}; allowed: {", ".join(auvs)}')
 
 
 def _limits(name: str, limits: Limits) -> Iterator[Problem]:

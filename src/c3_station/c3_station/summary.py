@@ -175,6 +175,8 @@ class Summary(msgspec.Struct, frozen=True, kw_only=True):
     samples_delivered: int
     samples_missing: dict[str, int] | None
     """By AUV: collected and not at C3; None where the record does not show what C3 has."""
+    samples_doubled: int | None
+    """Samples that C3 took for new more than once; None where that is not recorded."""
     data_age_max_s: float | None
     """
     The largest age that the oldest sample not yet at C3 ever had.
@@ -380,6 +382,8 @@ class _Figures:
         self.refusals: dict[tuple[str, str, str], RefusalSummary] = {}
         """By node, sender and reason."""
         self.entries: list[tuple[float, CellEntered]] = []
+        self.numbered: set[tuple[str, int]] = set()
+        """AUV and number of each sample: one that it forgot in a crash it takes again."""
         self.sampled_s: dict[str, list[float]] = {}
         """By AUV: when it took each of its samples."""
         self.surfaced_s: dict[tuple[str, int], float] = {}
@@ -429,7 +433,8 @@ class _Figures:
                 self.refusals[source, event.sender, event.reason] = msgspec.structs.replace(
                     first, count=max(first.count, event.count)
                 )
-            case CellEntered():
+            case CellEntered(sample_number=number) if (source, number) not in self.numbered:
+                self.numbered.add((source, number))
                 self.entries.append((time_s, event))
                 self.sampled_s.setdefault(source, []).append(time_s)
             case Surfaced():
@@ -499,6 +504,7 @@ class _Figures:
             samples_collected=len(self.entries),
             samples_delivered=sum(event.samples for _, event in self.deliveries),
             samples_missing=self._samples_missing(),
+            samples_doubled=self._samples_doubled(),
             data_age_max_s=self._data_age_max_s(),
             lower_bound_s=_seconds(lower_bound_s(scenario)) if scenario else None,
             radio=(
@@ -608,6 +614,15 @@ class _Figures:
         if self.at_c3 is None:
             return None
         return {auv: len(self._undelivered_s(auv)) for auv in sorted(self.sampled_s)}
+
+    def _samples_doubled(self) -> int | None:
+        if self.at_c3 is None:
+            return None
+        taken = sum(event.samples for _, event in self.deliveries)
+        excess = sum(
+            max(0, at_c3 - len(self.sampled_s.get(auv, ()))) for auv, at_c3 in self.at_c3.items()
+        )
+        return max(excess, taken - sum(self.at_c3.values()), 0)
 
     def _data_age_max_s(self) -> float | None:
         if self.at_c3 is None:

@@ -734,6 +734,7 @@ class UavAgent:
         else:
             position = self._position or fleet.mission.c3
             encounter = fleet.meet(report, sortie.to_meet, position, self._now_s)
+        if not problem_with_samples(report.samples, auv, fleet.mission.grid):
             self._custody.take(report.samples)
         if sortie.departed_s is None:
             output += self._depart(sortie, met=(auv,))
