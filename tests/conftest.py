@@ -6,6 +6,8 @@ from pathlib import Path
 import pytest
 from orchestrated_run import Run
 
+from msgs_json.key_file import new_key, write_key
+
 TINY = """
 name: tiny
 description: one AUV, nine cells
@@ -38,3 +40,11 @@ def runs() -> Iterator[list[Run]]:
         if run.process.poll() is None:
             run.process.kill()
             run.process.communicate()
+
+
+@pytest.fixture
+def key_file(tmp_path: Path) -> Path:
+    """Return a file with a key: missions are the same to the byte where they have the same one."""
+    path = tmp_path / 'mission_key'
+    write_key(path, new_key())
+    return path

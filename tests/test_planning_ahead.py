@@ -17,7 +17,7 @@ from c3_station.exit_codes import ExitCode
 from c3_station.mission_monitor import MissionMonitor
 from c3_station.node_params import UAV
 from c3_station.process_flight import fly_in_process
-from c3_station.run_folder import RunFolder
+from c3_station.run_folder import new_run_folder
 from c3_station.scenario_files import load_scenario
 from msgs_json.topics import MISSION_EVENTS
 
@@ -52,7 +52,7 @@ def test_a_paced_mission_does_not_make_up_for_the_time_of_planning_ahead(
     scenario = load_scenario(str(tiny))
     monitor = MissionMonitor(scenario, UAV)
     began_s = time.monotonic()
-    folder = RunFolder(tmp_path / 'run')
+    folder = new_run_folder(tmp_path / 'run', scenario, force=False)
     fly_in_process(scenario, folder, monitor, rate=rate, bag=False, refresh=lambda: None)
     assert monitor.ended == 'completed'
     took_s = time.monotonic() - began_s
@@ -64,11 +64,11 @@ def test_a_paced_mission_does_not_make_up_for_the_time_of_planning_ahead(
 
 @pytest.mark.ros
 def test_nodes_wait_for_one_that_plans_ahead_and_fly_the_same_mission_as_one_process(
-    tiny: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    tiny: Path, tmp_path: Path, key_file: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     let_nodes_fly_with_it(monkeypatch, tmp_path, 1.2 * ros_flight._REPLY_TIMEOUT_S / SLICES)
     fly_with_it(monkeypatch, 0.0)
-    words = ('run', str(tiny), '--out')
+    words = ('run', str(tiny), '--key-file', str(key_file), '--out')
     assert main([*words, str(tmp_path / 'alone'), '--no-ros']) == ExitCode.OK
     assert main([*words, str(tmp_path / 'nodes'), '--rate', 'max']) == ExitCode.OK
     alone, nodes = (recorded(tmp_path / way / 'bag') for way in ('alone', 'nodes'))

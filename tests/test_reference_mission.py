@@ -16,7 +16,7 @@ from typing import Any
 
 import pytest
 
-from c3_station.in_process import fly
+from c3_station.in_process import fly, in_memory
 from c3_station.scenario_files import load_scenario
 from c3_station.summary import MeetingSummary, Summarizer, Summary
 from msgs_json.agent_shell import Frame
@@ -166,5 +166,5 @@ def recording() -> list[tuple[str, str, bytes]]:
     def record(name: str, frame: Frame) -> None:
         found.append((name, frame.topic.name, to_cdr(frame.message)))
 
-    fly(load_scenario('ecc2009'), record)
+    fly(load_scenario('ecc2009'), record, make_setting=in_memory(key=bytes(32)))
     return found

@@ -7,7 +7,6 @@ from random import Random
 from typing import TYPE_CHECKING
 
 import hypothesis.strategies as st
-import msgspec
 import pytest
 from hypothesis import given, settings
 from uav_bench import (
@@ -25,10 +24,10 @@ from uav_bench import (
     stamps_of,
     vehicle,
 )
-from uav_sea import Sea, round_s
+from uav_sea import Sea, missions
 
 from msgs_json.drivers import UavDriver, VehicleState, VehicleUnavailableError
-from msgs_json.geometry import GridSpec, Point
+from msgs_json.geometry import Point
 from msgs_json.messages import (
     Met,
     Missed,
@@ -45,7 +44,7 @@ from uav_planner.planning import Planner, Prospect
 
 if TYPE_CHECKING:
     from msgs_json.agent import Output
-    from msgs_json.messages import AuvOrder, MissionOrder
+    from msgs_json.messages import MissionOrder
 
 
 def guarded(driver: UavDriver | None = None, **changes: object) -> Bench:
@@ -248,34 +247,6 @@ class NotHeard:
         if now_s == self._at_s:
             raise VehicleUnavailableError('no position')
         return self._driver.step(now_s)
-
-
-@st.composite
-def missions(draw: st.DrawFn) -> MissionOrder:
-    """Some AUVs on a small region; the limit is what they need at the start, or little more."""
-    region = GridSpec(cols=draw(st.integers(2, 5)), rows=draw(st.integers(1, 4)), cell_m=10.0)
-    mission = order(
-        region=region,
-        radio_range_m=draw(st.sampled_from([10.0, 12.0, 20.0])),
-        path_cells=draw(st.integers(1, 3)),
-        handover_s=draw(st.sampled_from([0.0, 0.0, 2.5])),
-        lost_after_sorties=draw(st.integers(1, 3)),
-        auvs=tuple(draw(auv_orders(region, f'auv_{number}')) for number in (1, 2, 3)),
-    )
-    limit_s = max(1.0, round_s(mission)) * draw(st.sampled_from([1.0, 1.0, 1.2, 2.0]))
-    return msgspec.structs.replace(mission, sortie_limit_s=limit_s)
-
-
-@st.composite
-def auv_orders(draw: st.DrawFn, region: GridSpec, name: str) -> AuvOrder:
-    cell = (draw(st.integers(0, region.cols - 1)), draw(st.integers(0, region.rows - 1)))
-    neighbours = [
-        neighbour
-        for east, north in ((1, 0), (0, 1), (-1, 0), (0, -1))
-        if region.contains(neighbour := (cell[0] + east, cell[1] + north))
-    ]
-    path = (cell, draw(st.sampled_from(neighbours)))
-    return auv_order(name, path, float(draw(st.integers(10, 60))))
 
 
 @given(missions(), st.integers(0, 2**32), st.sampled_from([0.0, 0.0, 0.3]))

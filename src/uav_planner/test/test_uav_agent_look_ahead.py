@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import pytest
 from uav_bench import PATHS, Bench, OneStep, events, of, order
 
-from msgs_json.agent import Log, Output
+from msgs_json.agent import Log
 from msgs_json.messages import PlanningAhead, SortieDeparted, SortieReturned
 from uav_planner.planners import PLANNERS, make_planner
 from uav_planner.planning import LookAhead, PlanRequest, PlanResult, Tours
@@ -55,14 +55,6 @@ class Orderly(Visionary):
             yield dataclasses.replace(ahead, visiting_order=turned)
 
 
-def worked_off(bench: Bench) -> list[Output]:
-    """Let the UAV do all that it is busy with; return what it says meanwhile."""
-    output: list[Output] = []
-    while bench.agent.is_busy:
-        output += bench.agent.work(bench.now_s)
-    return output
-
-
 def test_its_order_is_acknowledged_before_it_plans_ahead_and_tells_how_far_it_is() -> None:
     planner = Visionary()
     bench = Bench(planner)
@@ -72,7 +64,7 @@ def test_its_order_is_acknowledged_before_it_plans_ahead_and_tells_how_far_it_is
     assert bench.agent.is_busy
     assert planner.began == ['sortie']
     shares = [0.33, 0.67, 1.0]
-    assert worked_off(bench) == [Log(PlanningAhead(share=share), 2.0) for share in shares]
+    assert bench.plan_ahead() == [Log(PlanningAhead(share=share), 2.0) for share in shares]
     assert planner.began == ['sortie', 'slice 1', 'slice 2', 'slice 3']
 
 
@@ -86,7 +78,7 @@ def test_one_slice_is_done_at_a_time() -> None:
 
 def test_the_whole_mission_is_planned_from_where_the_first_sortie_finds_the_auvs() -> None:
     planner = Visionary()
-    worked_off(Bench(planner).ordered())
+    Bench(planner).ordered().plan_ahead()
     (request,) = planner.look_ahead_requests
     assert [(leg.auv, leg.path) for leg in request.legs] == list(PATHS.items())
     assert all(leg.search for leg in request.legs)
@@ -116,7 +108,7 @@ def test_a_repeated_order_is_not_planned_again(slices: int) -> None:
     assert is_busy == (slices < 4)
     bench.hear('c3', order())
     assert bench.agent.is_busy == is_busy
-    worked_off(bench)
+    bench.plan_ahead()
     assert len(planner.look_ahead_requests) == 1
 
 
@@ -131,7 +123,7 @@ def test_an_order_that_is_refused_makes_no_work() -> None:
 def test_a_planner_that_goes_from_leg_to_leg_has_nothing_to_plan_ahead(name: str) -> None:
     bench = Bench(make_planner(name)).ordered(radio_range_m=10.0)
     assert bench.agent.is_busy
-    assert worked_off(bench) == []
+    assert bench.plan_ahead() == []
 
 
 @pytest.mark.parametrize('slices', [1, 2, 3])

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Container, Iterable
 from dataclasses import replace
 
 import msgspec
@@ -92,7 +92,11 @@ class OneStep(Planner):
 
 
 class Bench:
-    """A UAV in the air, driven second by second; its store is written after each input."""
+    """
+    A UAV in the air, driven second by second; its store is written after each input.
+
+    Before the inputs of the numbers in ``crashes``, counted from 0, it is restarted.
+    """
 
     def __init__(
         self,
@@ -100,6 +104,7 @@ class Bench:
         driver: UavDriver | None = None,
         setup: UavSetup = SETUP,
         frame_bytes: int = FRAME_BYTES,
+        crashes: Container[int] = (),
     ) -> None:
         self.planner = planner or OneStep()
         self.now_s = -1.0
@@ -108,6 +113,9 @@ class Bench:
         self._driver = driver or vehicle()
         self._setup = setup
         self._frame_bytes = frame_bytes
+        self._crashes = crashes
+        self.outputs: list[list[Output]] = []
+        """What came of each input."""
         self.agent = self._begin()
 
     def restart(self) -> None:
@@ -124,8 +132,7 @@ class Bench:
         output: list[Output] = []
         for _ in range(seconds):
             self.now_s += 1.0
-            shown = self.agent.tick(self.now_s)
-            self.store.commit()
+            shown = self._put_in(lambda agent: agent.tick(self.now_s))
             for each in shown:
                 if isinstance(each, Publish) and isinstance(each.message, Odometry):
                     self.here = each.message.position
@@ -169,9 +176,21 @@ class Bench:
         return answers
 
     def hear(self, src: str, message: Message) -> list[Output]:
-        output = self.agent.receive(src, message, self.now_s)
-        self.store.commit()
+        return self._put_in(lambda agent: agent.receive(src, message, self.now_s))
+
+    def plan_ahead(self) -> list[Output]:
+        """Let the UAV do all that it is busy with; return what it says meanwhile."""
+        output: list[Output] = []
+        while self.agent.is_busy:
+            output += self._put_in(lambda agent: agent.work(self.now_s))
         return output
+
+    def _put_in(self, give: Callable[[UavAgent], list[Output]]) -> list[Output]:
+        if len(self.outputs) in self._crashes:
+            self.restart()
+        self.outputs.append(give(self.agent))
+        self.store.commit()
+        return self.outputs[-1]
 
     def ordered(self, **changes: object) -> Bench:
         self.tick()
@@ -309,3 +328,14 @@ def path_handed_over(output: list[Output], auv: str) -> Leg:
     assert isinstance(assignment, PathAssignment)
     assert assignment.auv == auv
     return assignment.leg
+
+
+def brought(bench: Bench) -> set[tuple[str, int]]:
+    """Return the samples that C3 was told: AUV and number."""
+    return {
+        (sample.auv, sample.number)
+        for output in bench.outputs
+        for body in said(output, 'c3')
+        if isinstance(body, SampleBatch)
+        for sample in body.samples
+    }

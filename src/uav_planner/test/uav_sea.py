@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from itertools import islice
 from random import Random
 
-from uav_bench import SETUP, Bench, said, taken
+import hypothesis.strategies as st
+import msgspec
+from uav_bench import SETUP, Bench, auv_order, order, said, taken
 
 from msgs_json.agent import Output
 from msgs_json.geometry import GridSpec, within_range
@@ -19,6 +22,7 @@ from msgs_json.messages import (
     RecoveryOrder,
     RecoveryReason,
     Sample,
+    SampleReceipt,
     SortieReport,
     SurfacingReport,
 )
@@ -30,10 +34,15 @@ from uav_planner.oracle_boards import legs_of
 class Diver:
     """One AUV; without ``random`` it swims its whole legs and comes up when that is due."""
 
-    def __init__(self, order: AuvOrder, region: GridSpec, random: Random | None) -> None:
+    def __init__(
+        self, order: AuvOrder, region: GridSpec, random: Random | None, samples_at_a_time: int
+    ) -> None:
         self.name = order.name
         self.samples: list[Sample] = []
         """All that it has taken."""
+        self.held: set[int] = set()
+        """Numbers of those that need not be said again."""
+        self._samples_at_a_time = samples_at_a_time
         self.recovered: RecoveryReason | None = None
         self._region = region
         self._random = random
@@ -54,12 +63,18 @@ class Diver:
             position=self.position,
             surfaced_s=self._surfaces_s,
             samples_taken=len(self.samples),
-            samples=tuple(self.samples),
+            samples=self._batch(),
         )
+
+    def _batch(self) -> tuple[Sample, ...]:
+        waiting = (sample for sample in self.samples if sample.number not in self.held)
+        return tuple(islice(waiting, self._samples_at_a_time))
 
     def told(self, message: Message, now_s: float) -> list[Message]:
         """Take what the UAV says; return its answer."""
         match message:
+            case SampleReceipt(held=held, at_c3=at_c3):
+                self.held = {n for span in (*held, *at_c3) for n in range(span.first, span.until)}
             case PathAssignment(leg=leg):
                 if leg.leg_id > self._leg.leg_id:
                     self._dive(leg, now_s)
@@ -103,16 +118,20 @@ class Sea:
         *,
         loss: float = 0.0,
         silent: frozenset[str] = frozenset(),
+        samples_at_a_time: int = 1000,
     ) -> None:
         self.bench = bench
         self.reports: list[SortieReport] = []
-        self.divers = {auv.name: Diver(auv, order.region, random) for auv in order.auvs}
+        self.divers = {
+            auv.name: Diver(auv, order.region, random, samples_at_a_time) for auv in order.auvs
+        }
         self._range_m = order.radio_range_m
         self._random = random
         self._loss = loss
         self._silent = silent
         bench.tick()
         bench.hear('c3', order)
+        bench.plan_ahead()
 
     def sail(self, seconds: int) -> list[Output]:
         """Let time pass, to the end of the mission at most; return what came of the UAV."""
@@ -155,3 +174,31 @@ class Sea:
 def round_s(order: MissionOrder) -> float:
     """Return the least limit with which a guarantee takes a mission."""
     return least_limit_s(mission_spec(order, SETUP), legs_of(auv.leg.path for auv in order.auvs))
+
+
+@st.composite
+def missions(draw: st.DrawFn) -> MissionOrder:
+    """Some AUVs on a small region; the limit is what they need at the start, or little more."""
+    region = GridSpec(cols=draw(st.integers(2, 5)), rows=draw(st.integers(1, 4)), cell_m=10.0)
+    mission = order(
+        region=region,
+        radio_range_m=draw(st.sampled_from([10.0, 12.0, 20.0])),
+        path_cells=draw(st.integers(1, 3)),
+        handover_s=draw(st.sampled_from([0.0, 0.0, 2.5])),
+        lost_after_sorties=draw(st.integers(1, 3)),
+        auvs=tuple(draw(auv_orders(region, f'auv_{number}')) for number in (1, 2, 3)),
+    )
+    limit_s = max(1.0, round_s(mission)) * draw(st.sampled_from([1.0, 1.0, 1.2, 2.0]))
+    return msgspec.structs.replace(mission, sortie_limit_s=limit_s)
+
+
+@st.composite
+def auv_orders(draw: st.DrawFn, region: GridSpec, name: str) -> AuvOrder:
+    cell = (draw(st.integers(0, region.cols - 1)), draw(st.integers(0, region.rows - 1)))
+    neighbours = [
+        neighbour
+        for east, north in ((1, 0), (0, 1), (-1, 0), (0, -1))
+        if region.contains(neighbour := (cell[0] + east, cell[1] + north))
+    ]
+    path = (cell, draw(st.sampled_from(neighbours)))
+    return auv_order(name, path, float(draw(st.integers(10, 60))))

@@ -1,0 +1,78 @@
+"""A UAV that goes on from its store, whenever its process died, says and does the same."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from random import Random
+from typing import TYPE_CHECKING
+
+import hypothesis.strategies as st
+import msgspec
+import pytest
+from hypothesis import given, settings
+from uav_bench import Bench, brought
+from uav_sea import Sea, missions
+
+from msgs_json.agent import Log, Output, Transmit
+from msgs_json.messages import PlanningAhead, SampleBatch
+from uav_planner.planners import make_planner
+from uav_planner.planners.ecc2009 import Ecc2009Planner
+from uav_planner.planners.robust import RobustPlanner
+
+if TYPE_CHECKING:
+    from msgs_json.messages import MissionOrder
+    from uav_planner.planning import Planner
+
+SECONDS = 120
+
+
+def flown(
+    planner: Planner, mission: MissionOrder, seed: int, loss: float, crashes: frozenset[int]
+) -> Bench:
+    """Fly for a while and return the bench, with all that came of every input."""
+    bench = Bench(planner, crashes=crashes)
+    Sea(bench, mission, Random(seed), loss=loss).sail(SECONDS)
+    return bench
+
+
+def words(bench: Bench) -> list[Output]:
+    """Return all that was said, shown and logged, but for what a new process may say again."""
+    outputs = [each for output in bench.outputs for each in output]
+    return [each for each in outputs if not is_said_again(each)]
+
+
+def is_said_again(output: Output) -> bool:
+    match output:
+        case Transmit(body=SampleBatch()) | Log(event=PlanningAhead()):
+            return True
+        case _:
+            return False
+
+
+PLANNERS: dict[str, Callable[[], Planner]] = {
+    'ecc2009': Ecc2009Planner,
+    'robust': RobustPlanner,
+    'adaptive': lambda: make_planner('adaptive', effort='minimal'),
+}
+
+
+@pytest.mark.parametrize('name', PLANNERS)
+@settings(max_examples=15)
+@given(
+    mission=missions(),
+    seed=st.integers(0, 2**32),
+    loss=st.sampled_from([0.0, 0.0, 0.3]),
+    data=st.data(),
+)
+def test_crashes_between_any_two_inputs_change_nothing(
+    name: str, mission: MissionOrder, seed: int, loss: float, data: st.DataObject
+) -> None:
+    if name == 'ecc2009':  # what it takes at worst is its own affair
+        mission = msgspec.structs.replace(mission, sortie_limit_s=100.0)
+    undisturbed = flown(PLANNERS[name](), mission, seed, loss, frozenset())
+    inputs = len(undisturbed.outputs)
+    crashes = data.draw(st.just(frozenset(range(inputs))) | st.frozensets(st.integers(0, inputs)))
+    crashed = flown(PLANNERS[name](), mission, seed, loss, crashes)
+    assert words(crashed) == words(undisturbed)
+    assert brought(crashed) == brought(undisturbed)
+    assert crashed.agent.finished == undisturbed.agent.finished
