@@ -252,6 +252,15 @@ def test_the_share_that_is_lost_is_the_one_asked_for(loss: float) -> None:
     assert the_sea.channel.status().delivered == 3000 - the_sea.channel.status().blocked['loss']
 
 
+def test_what_is_lost_with_a_smaller_share_is_lost_with_a_larger_one_too() -> None:
+    def heard(loss: float) -> set[float]:
+        the_sea = sea(LinkModel(loss=loss))
+        the_sea.run(300, ('auv_1', 'uav'))
+        return {now_s for now_s, _ in the_sea.heard}
+
+    assert heard(0.6) < heard(0.3) < heard(0.1)
+
+
 @pytest.mark.parametrize(('east_m', 'share'), [(0.0, 0.1), (10.0, 0.3), (20.0, 0.9), (14.14, 0.5)])
 def test_loss_may_grow_with_the_square_of_the_distance(east_m: float, share: float) -> None:
     the_sea = sea(LinkModel(loss=LossOverDistance(at_zero=0.1, at_range=0.9)))
