@@ -142,6 +142,8 @@ class C3Agent:
         self._desk = OperatorDesk(scenario, memory.desk if memory else None)
         self._scheduled_done = memory.scheduled_done if memory else 0
         """How many of the scenario's commands were given."""
+        self._survey_shown = False
+        """Not by this process: what was latched went with the one before."""
         self._shown_s = -math.inf
         self._shown_contacts: tuple[ContactState | None, ...] = ()
 
@@ -153,6 +155,7 @@ class C3Agent:
             self._auvs = {auv.name: _Auv(leg=auv.leg) for auv in self._order.auvs}
             self._remember(self._order)
             output.append(Log(self._started(), now_s))
+        if not self._survey_shown:
             output += self._show_survey(now_s)
         output += self._scheduled(self._order, now_s)
         if not self._order_acknowledged:
@@ -276,11 +279,13 @@ class C3Agent:
             problem = self._problem_with_sample(sample)
             if problem:
                 return [Refuse(self._uav, Refusal.CONTRADICTORY, problem)]
-        new = [sample for sample in batch.samples if not self._has(sample)]
-        for sample in new:
-            self._note(sample)
-            self._auvs[sample.auv].samples_delivered += 1
-            self._store.put(_SAMPLE, f'{sample.auv}/{sample.number}', sample)
+        new = []
+        for sample in batch.samples:
+            if not self._has(sample):
+                new.append(sample)
+                self._note(sample)
+                self._auvs[sample.auv].samples_delivered += 1
+                self._store.put(_SAMPLE, f'{sample.auv}/{sample.number}', sample)
         auvs = dict.fromkeys(sample.auv for sample in batch.samples)
         output: list[Output] = [Transmit(self._uav, self._receipt(auvs))]
         if not new:
@@ -330,7 +335,7 @@ class C3Agent:
     def _note(self, sample: Sample) -> None:
         self._numbers.setdefault(sample.auv, NumberSet()).add(sample.number, sample.number + 1)
         before = self._cells.get(sample.cell)
-        if before is None or before.entered_s <= sample.entered_s:
+        if before is None or _age_order(before) < _age_order(sample):
             self._cells[sample.cell] = sample
 
     def _receipt(self, auvs: Iterable[str]) -> SampleReceipt:
@@ -382,6 +387,7 @@ class C3Agent:
     # --- what people see -------------------------------------------------------------------------
 
     def _show_survey(self, now_s: float) -> list[Output]:
+        self._survey_shown = True
         region = self._scenario.region
         cells = {cell: sample.value for cell, sample in self._cells.items()}
         return [
@@ -444,6 +450,11 @@ class C3Agent:
         if is_delivered or self._desk.is_all_recalled:
             return MissionState.RECOVERING
         return MissionState.SURVEYING
+
+
+def _age_order(sample: Sample) -> tuple[float, str, int]:
+    """Return what puts samples in order of age, the same one in whatever order they came."""
+    return sample.entered_s, sample.auv, sample.number
 
 
 def _oldest_age_s(samples: list[Sample], now_s: float) -> float | None:

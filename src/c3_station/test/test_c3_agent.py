@@ -1,6 +1,6 @@
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 
 import hypothesis.strategies as st
 import msgspec
@@ -13,10 +13,14 @@ from msgs_json.agent import Log, Output, Publish, Refuse, Transmit
 from msgs_json.codec import Refusal
 from msgs_json.geometry import Cell, GridSpec, Point
 from msgs_json.messages import (
+    Abort,
     Acknowledged,
     Acknowledgement,
     AuvStatus,
+    ChangeLimit,
+    Command,
     ContactState,
+    DirectiveRefused,
     Event,
     ExpectedContact,
     Leg,
@@ -28,13 +32,20 @@ from msgs_json.messages import (
     MissionStarted,
     MissionState,
     MissionStatus,
-    RelayedSample,
+    Pause,
+    Recall,
+    Reset,
+    Resume,
     Sample,
+    SampleBatch,
+    SampleReceipt,
     SamplesDelivered,
+    SampleSpan,
     SortieOutlook,
     SortieReport,
 )
 from msgs_json.ros_messages import Diagnostics, Markers, Occupancy
+from msgs_json.store import MemoryStore
 from msgs_json.topics import DIAGNOSTICS, EXPLORATION_MAP, MARKERS, MISSION_STATUS, Topic
 
 SCENARIO = Scenario(
@@ -60,15 +71,28 @@ class Bench:
     """A station, driven second by second."""
 
     def __init__(self, *, start_s: float = 0.0) -> None:
-        self.agent = C3Agent('c3', SCENARIO, 'uav', STATUS_PERIOD_S)
+        self.store = MemoryStore()
+        self.agent = self.make_agent()
         self.now_s = start_s - 1.0
+
+    def make_agent(self) -> C3Agent:
+        return C3Agent('c3', SCENARIO, 'uav', STATUS_PERIOD_S, self.store)
+
+    def restart(self) -> None:
+        """Have another process go on."""
+        self.store = self.store.reopened()
+        self.agent = self.make_agent()
 
     def tick(self) -> list[Output]:
         self.now_s += 1.0
-        return self.agent.tick(self.now_s)
+        output = self.agent.tick(self.now_s)
+        self.store.commit()
+        return output
 
-    def hear(self, message: Message) -> list[Output]:
-        return self.agent.receive('uav', message, self.now_s)
+    def hear(self, message: Message, src: str = 'uav') -> list[Output]:
+        output = self.agent.receive(src, message, self.now_s)
+        self.store.commit()
+        return output
 
     def surveying(self) -> Bench:
         self.tick()
@@ -92,12 +116,20 @@ def taken(sortie: int) -> Transmit:
     )
 
 
-def delivered(
-    sortie: int, samples: int, *, cells: int, age_s: float | None = 0.0
-) -> SamplesDelivered:
-    return SamplesDelivered(
-        sortie=sortie, samples=samples, cells_delivered=cells, oldest_age_s=age_s
-    )
+def receipt(*spans: SampleSpan) -> Transmit:
+    return Transmit('uav', SampleReceipt(held=(), at_c3=spans))
+
+
+def keys(spans: Iterable[SampleSpan]) -> set[tuple[str, int]]:
+    return {(each.auv, number) for each in spans for number in range(each.first, each.until)}
+
+
+def span(auv: str, first: int, until: int) -> SampleSpan:
+    return SampleSpan(auv=auv, first=first, until=until)
+
+
+def delivered(samples: int, *, cells: int, age_s: float | None = 0.0) -> SamplesDelivered:
+    return SamplesDelivered(samples=samples, cells_delivered=cells, oldest_age_s=age_s)
 
 
 def leg(auv: str, leg_id: int) -> Leg:
@@ -124,15 +156,18 @@ def meeting(
 
 def sample(
     auv: str, number: int, cell: Cell, value: float = 1.0, *, entered_s: float = 0.0
-) -> RelayedSample:
-    return RelayedSample(
-        auv=auv, sample=Sample(number=number, cell=cell, entered_s=entered_s, value=value)
-    )
+) -> Sample:
+    return Sample(auv=auv, number=number, cell=cell, entered_s=entered_s, value=value)
+
+
+def batch(*samples: Sample) -> SampleBatch:
+    return SampleBatch(samples=samples)
 
 
 def report(
     sortie: int,
-    *parts: Meeting | RelayedSample,
+    *meetings: Meeting,
+    cargo: tuple[SampleSpan, ...] = (),
     missed: tuple[str, ...] = (),
     not_reached: tuple[str, ...] = (),
     lost: tuple[str, ...] = (),
@@ -151,11 +186,11 @@ def report(
         sortie=sortie,
         departed_s=6.0,
         returned_s=44.0,
-        meetings=tuple(part for part in parts if isinstance(part, Meeting)),
+        meetings=meetings,
         missed=missed,
         not_reached=not_reached,
         lost=lost,
-        samples=tuple(part for part in parts if isinstance(part, RelayedSample)),
+        cargo=cargo,
         next_sortie=None if is_last else outlook,
     )
 
@@ -244,11 +279,17 @@ def test_the_order_is_repeated_unchanged_until_it_is_acknowledged() -> None:
 
 def test_a_report_is_acknowledged_and_stored() -> None:
     bench = Bench().surveying()
-    output = bench.hear(
-        report(1, meeting('auv_1'), sample('auv_1', 0, (0, 0)), sample('auv_1', 1, (1, 0), 3.0))
-    )
+    output = bench.hear(report(1, meeting('auv_1'), cargo=(span('auv_1', 0, 2),)))
     assert output[0] == taken(1)
-    assert events(output) == [delivered(1, 2, cells=2)]
+    assert events(output) == []
+    assert (status(output).sorties, status(output).samples_delivered) == (1, 0)
+
+
+def test_samples_are_stored_and_a_receipt_says_so() -> None:
+    bench = Bench().surveying()
+    output = bench.hear(batch(sample('auv_1', 0, (0, 0)), sample('auv_1', 1, (1, 0), 3.0)))
+    assert output[0] == receipt(span('auv_1', 0, 2))
+    assert events(output) == [delivered(2, cells=2)]
     grid = shown(output, EXPLORATION_MAP)
     assert isinstance(grid, Occupancy)
     assert grid.values == ((0, 0, -1), (-1, -1, -1))
@@ -256,74 +297,119 @@ def test_a_report_is_acknowledged_and_stored() -> None:
     assert isinstance(markers, Markers)
     assert len(markers.cells[0].centres) == 2
     found = status(output)
-    assert (found.sorties, found.cells_delivered, found.samples_delivered) == (1, 2, 2)
+    assert (found.cells_delivered, found.samples_delivered) == (2, 2)
+
+
+def test_a_receipt_names_all_that_is_here_of_the_auvs_of_the_batch() -> None:
+    # So one that was lost is made up for by the next.
+    bench = Bench().surveying()
+    bench.hear(batch(sample('auv_1', 0, (0, 0)), sample('auv_1', 2, (1, 0))))
+    bench.hear(batch(sample('auv_2', 0, (0, 1))))
+    output = bench.hear(batch(sample('auv_1', 4, (1, 0))))
+    held = (span('auv_1', 0, 1), span('auv_1', 2, 3), span('auv_1', 4, 5))
+    assert output[0] == receipt(*held)
+    both = batch(sample('auv_2', 1, (0, 1)), sample('auv_1', 1, (1, 0)))
+    expected = (span('auv_2', 0, 2), span('auv_1', 0, 3), span('auv_1', 4, 5))
+    assert bench.hear(both)[0] == receipt(*expected)
 
 
 def test_a_repeated_report_is_acknowledged_and_nothing_else() -> None:
     bench = Bench().surveying()
-    first = report(1, meeting('auv_1'), sample('auv_1', 0, (0, 0)))
+    first = report(1, meeting('auv_1'))
     bench.hear(first)
     assert bench.hear(first) == [taken(1)]
-    bench.hear(report(2, sample('auv_1', 1, (1, 0))))
+    bench.hear(report(2))
     assert bench.hear(first) == [taken(1)]
+
+
+def test_a_repeated_batch_gets_its_receipt_and_nothing_else() -> None:
+    bench = Bench().surveying()
+    first = batch(sample('auv_1', 0, (0, 0)))
+    bench.hear(first)
+    assert bench.hear(first) == [receipt(span('auv_1', 0, 1))]
 
 
 def test_a_sample_that_comes_twice_counts_once() -> None:
     bench = Bench().surveying()
-    bench.hear(report(1, sample('auv_1', 0, (0, 0))))
-    output = bench.hear(report(2, sample('auv_1', 0, (0, 0)), sample('auv_2', 0, (0, 1))))
-    assert events(output) == [delivered(2, 1, cells=2)]
+    bench.hear(batch(sample('auv_1', 0, (0, 0))))
+    output = bench.hear(batch(sample('auv_1', 0, (0, 0)), sample('auv_2', 0, (0, 1))))
+    assert events(output) == [delivered(1, cells=2)]
     assert status(output).samples_delivered == 2
+
+
+def test_a_sample_that_is_twice_in_a_batch_counts_once() -> None:
+    bench = Bench().surveying()
+    output = bench.hear(batch(*[sample('auv_1', 0, (0, 0))] * 2))
+    assert events(output) == [delivered(1, cells=1)]
+    assert auvs(output)['auv_1'].samples_delivered == 1
 
 
 def test_two_samples_of_a_cell_are_two_samples_and_one_cell() -> None:
     bench = Bench().surveying()
-    output = bench.hear(report(1, sample('auv_1', 0, (0, 0)), sample('auv_1', 2, (0, 0))))
-    assert events(output) == [delivered(1, 2, cells=1)]
+    output = bench.hear(batch(sample('auv_1', 0, (0, 0)), sample('auv_1', 2, (0, 0))))
+    assert events(output) == [delivered(2, cells=1)]
 
 
 @pytest.mark.parametrize(
     'bad',
     [
-        report(2, sample('auv_1', 0, (0, 0))),
+        report(2),
         report(1, meeting('auv_9')),
-        report(1, sample('auv_9', 0, (0, 0))),
-        report(1, sample('auv_1', 0, (3, 0))),
-        report(1, meeting('auv_1'), sample('auv_1', 0, (0, 0)), sample('c3', 1, (0, 0))),
-        report(1, sample('auv_1', 0, (0, 0)), missed=('auv_9',)),
-        report(1, sample('auv_1', 0, (0, 0)), not_reached=('auv_9',)),
-        report(1, sample('auv_1', 0, (0, 0)), lost=('auv_9',)),
-        report(1, sample('auv_1', 0, (0, 0)), contacts_s={'auv_9': 70.0}),
+        report(1, meeting('auv_1'), cargo=(span('auv_9', 0, 1),)),
+        report(1, missed=('auv_9',)),
+        report(1, not_reached=('auv_9',)),
+        report(1, lost=('auv_9',)),
+        report(1, contacts_s={'auv_9': 70.0}),
     ],
     ids=[
-        *('gap', 'unknown_auv_met', 'unknown_auv_sampled', 'outside', 'one_of_three'),
+        *('gap', 'unknown_auv_met', 'unknown_auv_sampled'),
         *('unknown_missed', 'unknown_not_reached', 'unknown_lost', 'unknown_next'),
     ],
 )
 def test_a_report_that_cannot_be_is_refused_as_a_whole(bad: SortieReport) -> None:
     bench = Bench().surveying()
     assert refused(bench.hear(bad)) is Refusal.CONTRADICTORY
-    output = bench.hear(report(1, sample('auv_2', 0, (0, 1))))
+    output = bench.hear(report(1))
     assert output[0] == taken(1)
+    assert auvs(output)['auv_1'].leg_id == 0
+
+
+@pytest.mark.parametrize(
+    'bad',
+    [
+        batch(sample('auv_9', 0, (0, 0))),
+        batch(sample('auv_1', 0, (3, 0))),
+        batch(sample('auv_1', 0, (0, 0)), sample('c3', 1, (0, 0)), sample('auv_1', 1, (1, 0))),
+    ],
+    ids=['unknown_auv', 'outside', 'one_of_three'],
+)
+def test_a_batch_that_cannot_be_is_refused_as_a_whole(bad: SampleBatch) -> None:
+    bench = Bench().surveying()
+    assert refused(bench.hear(bad)) is Refusal.CONTRADICTORY
+    output = bench.hear(batch(sample('auv_2', 0, (0, 1))))
     assert status(output).samples_delivered == 1
+
+
+def test_before_the_mission_begins_nothing_is_taken() -> None:
+    for message in (batch(sample('auv_1', 0, (0, 0))), report(1), ORDER_TAKEN):
+        assert refused(Bench().hear(message)) is Refusal.UNEXPECTED
 
 
 def test_the_age_of_a_delivery_is_that_of_its_oldest_new_sample() -> None:
     bench = Bench().surveying()
     bench.wait_until(44.0)
     old, older = (sample('auv_1', n, (n, 0), entered_s=20.0 - 10.0 * n) for n in (0, 1))
-    assert events(bench.hear(report(1, old)))[0] == delivered(1, 1, cells=1, age_s=24.0)
+    assert events(bench.hear(batch(old))) == [delivered(1, cells=1, age_s=24.0)]
     bench.wait_until(50.0)
-    assert events(bench.hear(report(2, old, older)))[0] == delivered(2, 1, cells=2, age_s=40.0)
-    repeated = bench.hear(report(3, old, older))  # of which nothing is new
-    assert events(repeated)[0] == delivered(3, 0, cells=2, age_s=None)
+    assert events(bench.hear(batch(old, older))) == [delivered(1, cells=2, age_s=40.0)]
+    assert events(bench.hear(batch(old, older))) == []  # of which nothing is new
 
 
 def test_a_sample_from_the_future_has_no_age() -> None:
     # At sea clocks differ a little; a negative age would be refused by whoever reads it.
     bench = Bench().surveying()
-    output = bench.hear(report(1, sample('auv_1', 0, (0, 0), entered_s=2.5)))
-    assert events(output)[0] == delivered(1, 1, cells=1, age_s=0.0)
+    output = bench.hear(batch(sample('auv_1', 0, (0, 0), entered_s=2.5)))
+    assert events(output)[0] == delivered(1, cells=1, age_s=0.0)
 
 
 def test_other_messages_are_refused() -> None:
@@ -345,20 +431,24 @@ def test_the_mission_is_complete_when_every_auv_stays_up_and_its_data_is_here() 
     bench = Bench().surveying()
     cells = [(col, row) for col in range(3) for row in range(2)]
     samples = [sample('auv_1', number, cell) for number, cell in enumerate(cells)]
-    output = bench.hear(report(1, meeting('auv_1', is_last=True), *samples))
+    bench.hear(batch(*samples))
+    output = bench.hear(report(1, meeting('auv_1', is_last=True), cargo=(span('auv_1', 0, 6),)))
     assert not bench.agent.finished
     assert status(output).state is MissionState.RECOVERING
-    last = (meeting('auv_2', is_last=True), sample('auv_2', 0, (0, 1)))
-    output = bench.hear(report(2, *last, is_last=True))
+    cargo = (span('auv_1', 4, 6), span('auv_2', 0, 1))
+    output = bench.hear(report(2, meeting('auv_2', is_last=True), cargo=cargo, is_last=True))
+    assert (bench.agent.finished, events(output)) == (False, [])  # auv_2's sample is still to come
+    output = bench.hear(batch(sample('auv_2', 0, (0, 1))))
     assert bench.agent.finished
-    assert events(output)[-1] == completed(7, cells=6)
+    assert events(output) == [delivered(1, cells=6), completed(7, cells=6)]
     assert status(output).state is MissionState.COMPLETED
     assert contacts(output) == [None, None]
 
 
 def test_the_mission_ends_without_a_lost_auv_and_says_so() -> None:
     bench = Bench().surveying()
-    bench.hear(report(1, meeting('auv_1', is_last=True), sample('auv_1', 0, (0, 0))))
+    bench.hear(batch(sample('auv_1', 0, (0, 0))))
+    bench.hear(report(1, meeting('auv_1', is_last=True)))
     output = bench.hear(report(2, missed=('auv_2',), lost=('auv_2',), is_last=True))
     assert bench.agent.finished
     assert events(output)[-1] == completed(1, cells=1, lost=('auv_2',))
@@ -392,9 +482,9 @@ def test_the_mission_goes_on_while_the_uav_will_fly_again() -> None:
 
 def test_a_last_report_while_an_auv_is_out_ends_nothing_and_loses_nothing() -> None:
     bench = Bench().surveying()
-    contradictory = report(1, meeting('auv_1'), sample('auv_1', 0, (0, 0)), is_last=True)
-    output = bench.hear(contradictory)
+    output = bench.hear(report(1, meeting('auv_1'), cargo=(span('auv_1', 0, 1),), is_last=True))
     assert output[0] == taken(1)
+    output = bench.hear(batch(sample('auv_1', 0, (0, 0))))
     assert not bench.agent.finished
     assert status(output).samples_delivered == 1
     both = (meeting('auv_1', 1, is_last=True), meeting('auv_2', is_last=True))
@@ -437,7 +527,8 @@ def test_lost_is_who_the_uav_gave_up_until_it_is_heard_again() -> None:
     assert lost.predicted_cells == ((0, 0), (1, 0))  # where to look for it
     still = auvs(bench.hear(report(3, lost=('auv_1',))))['auv_1']
     assert (still.contact, still.searches_in_vain) == (ContactState.LOST, 2)
-    output = bench.hear(report(4, meeting('auv_1'), sample('auv_1', 0, (0, 0))))
+    bench.hear(report(4, meeting('auv_1')))
+    output = bench.hear(batch(sample('auv_1', 0, (0, 0))))
     assert auvs(output)['auv_1'].contact is ContactState.EXPECTED_SILENT
     assert auvs(output)['auv_1'].samples_delivered == 1
     bench.wait_until(89.0)
@@ -500,7 +591,8 @@ def test_diagnostics_name_who_asked_for_help() -> None:
 
 def test_what_is_known_of_an_auv_follows_its_meetings() -> None:
     bench = Bench().surveying()
-    output = bench.hear(report(1, meeting('auv_1'), sample('auv_1', 0, (0, 0))))
+    bench.hear(report(1, meeting('auv_1')))
+    output = bench.hear(batch(sample('auv_1', 0, (0, 0))))
     first, second = status(output).auvs
     assert (first.leg_id, first.predicted_cells) == (1, ((1, 0), (2, 0)))
     assert (first.surface_deadline_s, first.last_met_s, first.samples_delivered) == (90.0, 14.0, 1)
@@ -514,13 +606,27 @@ def test_what_is_known_of_an_auv_follows_its_meetings() -> None:
 
 names = st.sampled_from(['auv_1', 'auv_2', 'auv_3'])
 few = st.integers(0, 3)
-samples_of_any = st.builds(sample, names, few, st.tuples(st.integers(0, 3), st.integers(0, 1)))
+times_s = st.sampled_from([0.0, 10.0, 20.0])
+values = st.floats(0.0, 9.0)
+samples_of_any = st.builds(
+    sample,
+    names,
+    few,
+    st.tuples(st.integers(0, 3), st.integers(0, 1)),
+    values,
+    entered_s=times_s,
+)
+batches = st.builds(
+    lambda samples: batch(*samples), st.lists(samples_of_any, min_size=1, max_size=4)
+)
 meetings_of_any = st.builds(meeting, names, few, is_last=st.booleans())
 some = st.lists(names, max_size=2).map(tuple)
+cargo_of_any = st.lists(st.builds(span, names, few, st.integers(4, 6)), max_size=2).map(tuple)
 reports = st.builds(
-    lambda sortie, parts, **said: report(sortie, *parts, **said),
+    lambda sortie, meetings, **said: report(sortie, *meetings, **said),
     st.integers(1, 4),
-    st.lists(samples_of_any | meetings_of_any, max_size=6),
+    st.lists(meetings_of_any, max_size=4),
+    cargo=cargo_of_any | st.just(()),
     missed=some,
     lost=some,
     contacts_s=st.dictionaries(names, st.floats(0.0, 100.0), max_size=2),
@@ -529,10 +635,21 @@ reports = st.builds(
 answers = st.builds(
     Acknowledgement, acknowledges=st.sampled_from(Acknowledged), reference=st.integers(0, 3)
 )
+refusals = st.builds(DirectiveRefused, revision=few, problem=st.just('too short'))
+commands = st.builds(Recall, auvs=some) | st.sampled_from([Pause(), Resume(), Abort(), Reset()])
+commands |= st.builds(ChangeLimit, sortie_limit_s=st.sampled_from([40.0, 80.0]))
+heard = reports | batches | answers | refusals | commands
 
 
-@given(st.lists(st.none() | reports | answers, max_size=20))
-def test_whatever_it_hears_it_counts_what_it_acknowledged_once(
+def give(bench: Bench, message: Message | None) -> list[Output]:
+    """Let C3 hear something, or time pass."""
+    if message is None:
+        return bench.tick()
+    return bench.hear(message, src='operator' if isinstance(message, Command) else 'uav')
+
+
+@given(st.lists(st.none() | heard, max_size=20))
+def test_whatever_it_hears_it_counts_once_what_it_gave_a_receipt_for(
     inputs: list[Message | None],
 ) -> None:
     bench = Bench()
@@ -540,15 +657,96 @@ def test_whatever_it_hears_it_counts_what_it_acknowledged_once(
     stored: set[tuple[str, int]] = set()
     counted = 0
     for message in inputs:
-        output = bench.tick() if message is None else bench.hear(message)
+        output = give(bench, message)
+        if isinstance(message, SampleBatch):
+            of_the_batch = {(each.auv, each.number) for each in message.samples}
+            for answer in said(output):
+                assert isinstance(answer, SampleReceipt)
+                stored |= of_the_batch
+                named = {auv for auv, _ in of_the_batch}
+                assert keys(answer.at_c3) == {key for key in stored if key[0] in named}
         if isinstance(message, SortieReport) and len(output) > 1:
             assert output[0] == taken(message.sortie)
-            stored |= {(each.auv, each.sample.number) for each in message.samples}
         counted += sum(e.samples for e in events(output) if isinstance(e, SamplesDelivered))
         assert counted == len(stored)
         for each in output:
             if isinstance(each, Publish) and isinstance(each.message, MissionStatus):
+                assert each.message.samples_delivered == counted
                 ended = each.message.state is MissionState.COMPLETED
                 out = {auv.contact for auv in each.message.auvs} - {None, ContactState.LOST}
                 assert not (ended and out)
                 assert ended == bench.agent.finished
+
+
+# --- another process goes on ---------------------------------------------------------------------
+
+
+def said_and_logged(output: list[Output]) -> list[Output]:
+    return [each for each in output if not isinstance(each, Publish)]
+
+
+def as_seen(output: list[Output]) -> list[object]:
+    """Return what is put out, cells drawn in an order that does not tell when they came."""
+    seen: list[object] = []
+    for each in output:
+        if isinstance(each, Publish) and isinstance(each.message, Markers):
+            drawn = (zip(part.centres, part.colours, strict=True) for part in each.message.cells)
+            seen.append([sorted(cells, key=repr) for cells in drawn])
+        else:
+            seen.append(each)
+    return seen
+
+
+@given(st.lists(st.tuples(st.none() | heard, st.booleans()), max_size=20))
+def test_a_new_process_does_what_the_one_before_would_have_done(
+    inputs: list[tuple[Message | None, bool]],
+) -> None:
+    unharmed, killed = Bench(), Bench()
+    for message, dies in [(None, False), *inputs]:
+        if dies:
+            killed.restart()
+        expected, output = give(unharmed, message), give(killed, message)
+        if message is None:
+            # A new process shows at its first tick what it knows.
+            assert said_and_logged(output) == said_and_logged(expected)
+        else:
+            assert as_seen(output) == as_seen(expected)
+        assert killed.agent.finished == unharmed.agent.finished
+    killed.restart()
+    unharmed.wait_until(unharmed.now_s + 2 * STATUS_PERIOD_S)
+    killed.wait_until(unharmed.now_s)
+    last = batch(sample('auv_1', 9, (0, 0)))
+    assert as_seen(killed.hear(last)) == as_seen(unharmed.hear(last))
+
+
+def test_a_process_that_died_before_it_stored_its_order_begins_anew() -> None:
+    bench = Bench()
+    bench.agent.tick(0.0)  # and nothing is committed
+    bench.restart()
+    assert [type(event) for event in events(bench.tick())] == [MissionStarted]
+
+
+def test_a_new_process_shows_what_it_knows_since_latched_topics_die_with_theirs() -> None:
+    bench = Bench().surveying()
+    before = bench.hear(batch(sample('auv_1', 0, (0, 0)), sample('auv_2', 0, (0, 1))))
+    bench.restart()
+    output = bench.tick()
+    assert events(output) == []
+    grid, markers = shown(output, EXPLORATION_MAP), shown(output, MARKERS)
+    assert isinstance(grid, Occupancy)
+    assert grid.values == ((0, -1, -1), (0, -1, -1))
+    assert isinstance(markers, Markers)
+    assert len(markers.cells[0].centres) == 2
+    assert status(output) == status(before)
+    assert not any(isinstance(each, Publish) for each in bench.tick())
+
+
+def test_a_new_process_shows_the_same_of_a_cell_that_two_auvs_entered_at_a_time() -> None:
+    # It finds samples in another order than that in which they came.
+    unharmed, killed = Bench().surveying(), Bench().surveying()
+    for bench in (unharmed, killed):
+        bench.hear(batch(sample('auv_2', 0, (0, 0), 1.0), sample('auv_2', 1, (1, 0), 9.0)))
+        bench.hear(batch(sample('auv_1', 0, (0, 0), 5.0)))
+    killed.restart()
+    last = batch(sample('auv_1', 1, (2, 0), 0.0))
+    assert as_seen(killed.hear(last)) == as_seen(unharmed.hear(last))
