@@ -131,14 +131,14 @@ def test_each_round_is_gated_in_agent_order_not_in_order_of_answers() -> None:
     said: dict[str, dict[float, list[tuple[str, int]]]] = {
         'auv_2': {0.0: [('uav', 0)]},
         'auv_1': {0.0: [('uav', 0)]},
-        'c3': {0.0: [('uav', 3)]},
+        'c3': {0.0: [('uav', 4)]},
         'uav': {0.0: [('auv_2', 2), ('c3', 2)]},
     }
     fly(world(max_mission_s=1.0), *fleet(diary, **said))
     rounds = [line.removeprefix('0 ') for line in diary if 'hears' in line]
     assert rounds == [
         # What was said at the tick: c3's first, then uav's as spoken, auv_1's, auv_2's.
-        *('uav hears 3 from c3', 'auv_2 hears 2 from uav', 'c3 hears 2 from uav'),
+        *('uav hears 4 from c3', 'auv_2 hears 2 from uav', 'c3 hears 2 from uav'),
         *('uav hears 0 from auv_1', 'uav hears 0 from auv_2'),
         # The answers, in agent order again.
         *('uav hears 3 from c3', 'auv_1 hears 1 from uav', 'auv_2 hears 1 from uav'),
