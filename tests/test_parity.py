@@ -39,7 +39,7 @@ name: rough
 description: a radio that does everything that a radio can do
 region: {cols: 5, rows: 4, cell_m: 10.0}
 c3: {east_m: 25.0, north_m: -5.0}
-uav: {speed_mps: 8.0}
+uav: {speed_mps: 4.0}
 auvs:
   - name: auv_1
     initial_path: [[0, 0], [1, 0]]
