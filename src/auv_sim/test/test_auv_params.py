@@ -6,7 +6,9 @@ import msgspec
 import pytest
 
 from auv_sim.auv_params import AuvParams, make_auv
+from msgs_json.agent_shell import AgentSetting
 from msgs_json.drivers import NoPorts
+from msgs_json.store import MemoryStore
 
 BAY = AuvParams(name='auv_1', cols=3, rows=2, masked=(1, 0, 2, 1), initial_path=(0, 0, 0, 1))
 """
@@ -17,8 +19,12 @@ In the terminal view, north up::
 """
 
 
+def in_memory() -> AgentSetting:
+    return AgentSetting(store=MemoryStore(), authenticator=None)
+
+
 def test_a_path_beside_land_is_taken() -> None:
-    assert make_auv(BAY, NoPorts()).agent.name == 'auv_1'
+    assert make_auv(BAY, NoPorts(), in_memory()).agent.name == 'auv_1'
 
 
 @pytest.mark.parametrize(
@@ -41,5 +47,5 @@ def test_what_is_no_region_or_no_path_is_told_by_parameter(
     changes: dict[str, tuple[int, ...]], told: str
 ) -> None:
     with pytest.raises(ValueError, match='parameter ') as refused:
-        make_auv(msgspec.structs.replace(BAY, **changes), NoPorts())
+        make_auv(msgspec.structs.replace(BAY, **changes), NoPorts(), in_memory())
     assert told in str(refused.value)

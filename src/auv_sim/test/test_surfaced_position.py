@@ -19,6 +19,7 @@ from auv_sim.auv_agent import AuvAgent, AuvMission
 from auv_sim.drivers.kinematic import KinematicAuv
 from msgs_json.agent import Log, Output, Publish, Refuse, Transmit
 from msgs_json.codec import Refusal
+from msgs_json.custody import SampleCustody
 from msgs_json.drivers import AuvDriverSetup
 from msgs_json.geometry import Cell, GridSpec, Point, is_before, path_length_m, surface_deadline_s
 from msgs_json.messages import (
@@ -31,6 +32,7 @@ from msgs_json.messages import (
     SurfacingReport,
 )
 from msgs_json.ros_messages import Odometry
+from msgs_json.store import MemoryStore
 
 ROUNDING = 1e-6
 """Lengths closer than this share of a cell are the same."""
@@ -123,7 +125,9 @@ class Sailor:
                 rng=np.random.default_rng(voyage.seed),
             )
         )
-        self.agent = AuvAgent('auv_1', mission, driver, Warmth())
+        store = MemoryStore()
+        custody = SampleCustody(store, 65_536, response_s=0.0)
+        self.agent = AuvAgent('auv_1', mission, driver, Warmth(), store, custody)
         self.tick = voyage.first_tick - 1
         self.leg_id = 0
         self.moves_done = -1

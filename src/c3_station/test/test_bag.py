@@ -334,6 +334,8 @@ def test_topics_are_those_of_the_contract_without_the_lockstep() -> None:
         '/world/hello',
         '/world/go',
         '/world/ready',
+        '/world/waiting',
+        'command',
         'setpoint_position/local',
         'local_position/odom',
     }
