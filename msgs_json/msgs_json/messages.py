@@ -362,7 +362,7 @@ class Recall(Command, frozen=True):
     """Have AUVs stay up when they are met next; their cells go to the others."""
 
     auvs: tuple[Name, ...] = ()
-    """None: all of them."""
+    """Empty: all of them."""
 
 
 class Pause(Command, frozen=True):

@@ -21,7 +21,7 @@ from c3_station.c3_params import C3Params
 from c3_station.exit_codes import ExitCode
 from c3_station.recorder_params import RecorderParams
 from msgs_json import geometry, messages
-from msgs_json.codec import MISSION_EVENT, Envelope, Refusal
+from msgs_json.codec import MISSION_EVENT, OPERATOR_COMMAND, Envelope, Refusal
 from msgs_json.json_schemas import annotated_definitions, field_docs
 from msgs_json.messages import (
     LOCKSTEP_MESSAGES,
@@ -29,6 +29,7 @@ from msgs_json.messages import (
     STATUS_MESSAGES,
     BlockReason,
     MissionEvent,
+    OperatorCommand,
 )
 from msgs_json.node_exit import NodeExit
 from msgs_json.params import Params, ParamSpec, specs
@@ -136,7 +137,8 @@ names can be remapped. JSON travels as `std_msgs/msg/String`.
 
 def _content(topic: Topic) -> str:
     """Return what a topic carries, with links to the messages."""
-    names = {t.__name__ for t in (*LOCKSTEP_MESSAGES, *STATUS_MESSAGES)} | {MISSION_EVENT}
+    names = {t.__name__ for t in (*LOCKSTEP_MESSAGES, *STATUS_MESSAGES)}
+    names |= {MISSION_EVENT, OPERATOR_COMMAND}
     text = topic.content.replace('by radio', '[by radio](#by-radio)')
     return re.sub(r'\w+', lambda word: _link(word[0]) if word[0] in names else word[0], text)
 
@@ -169,9 +171,15 @@ read with the [examples]({_EXAMPLES}), right ones and wrong ones.
 An entry of the mission's log: `event` says what happened, the envelope's `src` who says so and
 its `stamp` when it was. [Schema]({_SCHEMAS}/{MISSION_EVENT}.json). The events:
 """
-    for event in get_args(MissionEvent):
-        example = f'{_EXAMPLES}/valid/{MISSION_EVENT}-{event.__struct_config__.tag}.json'
-        yield from _struct(event, '#####', f'[Example]({example}).')
+    yield from _kinds(MISSION_EVENT, MissionEvent)
+    yield '### From operators'
+    yield f"""
+#### {OPERATOR_COMMAND}
+
+What C3 is told by `orchestrate.py command`: `command` says what to do.
+[Schema]({_SCHEMAS}/{OPERATOR_COMMAND}.json). The commands:
+"""
+    yield from _kinds(OPERATOR_COMMAND, OperatorCommand)
     yield '### Lockstep'
     yield 'How the world drives a simulated mission; see [architecture](architecture.md).'
     yield from _messages(LOCKSTEP_MESSAGES)
@@ -195,6 +203,13 @@ What a receiver refuses it counts by sender and reason. The first of each it log
 The radio channel counts what it blocks in [RadioStatus](#radiostatus), by these reasons:
 {reasons}.
 """
+
+
+def _kinds(name: str, union: object) -> Iterator[str]:
+    """Yield the messages of which a body is one, told apart by their tags."""
+    for kind in get_args(union):
+        example = f'{_EXAMPLES}/valid/{name}-{kind.__struct_config__.tag}.json'
+        yield from _struct(kind, '#####', f'[Example]({example}).')
 
 
 def _messages(types: Iterable[type]) -> Iterator[str]:
@@ -223,7 +238,7 @@ def _fields(struct: type) -> str:
                 _type(schema),
                 schema.get('x-unit', ''),
                 _allowed(schema),
-                '' if 'pattern' in schema else _text(schema.get('description', '')),
+                '' if _type(schema) == 'agent name' else _text(schema.get('description', '')),
             )
             for name, schema in fields.items()
         ),
@@ -245,7 +260,7 @@ def _type(schema: Mapping[str, Any]) -> str:
             return f'list of {name}' if name.endswith(')') else f'list of {name}s'
         case {'type': 'object', 'additionalProperties': value}:
             return f'{_type(value)} by name'
-        case {'type': 'string', 'pattern': _}:
+        case {'type': 'string', 'pattern': _, 'description': str(text)} if 'agent name' in text:
             return 'agent name'
         case {'type': name}:
             return str(name)

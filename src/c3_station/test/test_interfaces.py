@@ -12,8 +12,9 @@ import auv_sim
 import c3_station
 import uav_planner
 from c3_station.interfaces import interfaces_markdown
+from msgs_json.agent_params import AgentParams
 from msgs_json.codec import SCHEMA_TYPES
-from msgs_json.messages import MissionEvent
+from msgs_json.messages import MissionEvent, OperatorCommand
 from msgs_json.params import Params, specs
 from msgs_json.topics import TOPICS
 
@@ -32,10 +33,11 @@ def test_every_topic_is_there() -> None:
         assert f'| `{topic.name}` | `{topic.ros_type}` | [{topic.qos.name}]' in TEXT
 
 
-def test_every_message_and_every_event_has_its_section() -> None:
+def test_every_message_every_event_and_every_command_has_its_section() -> None:
     headings = set(re.findall('^#+ (.*)$', TEXT, flags=re.MULTILINE))
     assert headings >= set(SCHEMA_TYPES)
     assert headings >= {event.__name__ for event in get_args(MissionEvent)}
+    assert headings >= {command.__name__ for command in get_args(OperatorCommand)}
 
 
 def test_every_link_within_the_page_leads_somewhere() -> None:
@@ -57,9 +59,16 @@ def test_every_parameter_of_every_node_is_there() -> None:
         for module in pkgutil.iter_modules(room.__path__):
             if module.name.endswith('_params'):
                 importlib.import_module(f'{room.__name__}.{module.name}')
-    nodes = [each for each in Params.__subclasses__() if '.' in each.__module__]
+    # Of AUV, UAV and C3 there is a base between; it stands for no node.
+    nodes = {*Params.__subclasses__(), *AgentParams.__subclasses__()} - {AgentParams}
+    nodes = {each for each in nodes if '.' in each.__module__}
     assert len(nodes) >= 6
     for node in nodes:
         for spec in specs(node):
             assert f'| `{spec.name}` |' in TEXT
             assert spec.description.replace('|', '\\|') in TEXT
+
+
+def test_only_names_of_agents_are_called_so() -> None:
+    assert '| `transfer` | string |' in TEXT  # a text of a pattern, and no name
+    assert '| `auv` | agent name |' in TEXT
