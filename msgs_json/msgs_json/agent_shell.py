@@ -241,13 +241,12 @@ class AgentShell:
         self.genuine_from = None
         if self._authenticator is not None and not self._authenticator.check(data):
             # Nothing in it is worth reading: whoever made it wrote what he liked.
-            return self._frames([_FORGED], now_s)
+            return self._refuse(_FORGED, now_s)
         try:
             src, message, is_copy = self._admit(data)
         except MessageError as error:
             self.genuine_from = self._source(data)
-            refused = Refuse(error.sender, error.refusal, error.detail)
-            return self._frames([refused], now_s)
+            return self._refuse(Refuse(error.sender, error.refusal, error.detail), now_s)
         self.genuine_from = src
         match message:
             case _ if is_copy:
@@ -391,9 +390,10 @@ class AgentShell:
         ]
 
     def _refuse(self, refused: Refuse, now_s: float) -> list[Frame]:
-        key = (self._known(refused.sender), refused.refusal)
-        self.refused[key] += 1
-        count = self.refused[key]
+        key = (refused.sender, refused.refusal)
+        if key not in self.refused:
+            key = (self._known(refused.sender), refused.refusal)
+        count = self.refused[key] = self.refused[key] + 1
         if not _is_power_of_ten(count):
             return []
         event = MessageRefused(
