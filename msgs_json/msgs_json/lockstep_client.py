@@ -99,6 +99,8 @@ class AgentClient:
         """
         if self._go is None or tick.go < self._go:
             return []  # not everybody can hear this agent yet
+        if tick.last:
+            return []  # it concerns the recorder alone
         if self._tick is not None and tick.tick < self._tick.tick:
             return []
         frames: list[Frame] = []

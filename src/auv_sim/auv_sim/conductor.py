@@ -228,7 +228,7 @@ class Conductor:
         kind = NodeKind.RECORDER if src == RECORDER else NodeKind.AGENT
         if src not in self._nodes or hello.kind is not kind:
             raise _not_expected(src, f'a {hello.kind.value}', self._nodes)
-        if hello.life <= self._lives.get(src, -1) or self.phase in (Phase.SAVING, Phase.ENDED):
+        if hello.life <= self._lives.get(src, -1) or self.phase is Phase.ENDED:
             return []
         if self.phase is not Phase.GATHERING and src == RECORDER:
             return []  # what the former one had not stored is gone
@@ -277,7 +277,7 @@ class Conductor:
         """Hold what is under way until a node that came up anew, and the recorder, are ready."""
         if self.phase is Phase.WORKING:
             self._missing.add(name)
-        else:
+        elif self.phase is not Phase.SAVING:
             self.phase = Phase.GREETING
         go = self._go((name, RECORDER) if self._has_recorder else (name,))
         if not self._has_begun:

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from msgspec import structs
 
 from auv_sim.conductor import NUDGE_S, Addressed, Conductor, Phase
 from auv_sim.radio_model import ChannelModel, StationKind
@@ -76,13 +77,18 @@ def world() -> World:
     )
 
 
-def conductor(*, recorder: bool = True, restarted: tuple[str, ...] = tuple(KINDS)) -> Conductor:
+def conductor(
+    *,
+    recorder: bool = True,
+    restarted: tuple[str, ...] = tuple(KINDS),
+    reply_nudges: int = REPLY_NUDGES,
+) -> Conductor:
     return Conductor(
         world(),
         recorder=recorder,
-        reply_timeout_s=REPLY_NUDGES * NUDGE_S,
+        reply_timeout_s=reply_nudges * NUDGE_S,
         restarted=restarted,
-        rejoin_timeout_s=REJOIN_NUDGES * NUDGE_S,
+        rejoin_timeout_s=(reply_nudges + REJOIN_NUDGES - REPLY_NUDGES) * NUDGE_S,
     )
 
 
@@ -140,8 +146,8 @@ class Process:
     """One life of a node, with what is under way from it and to it."""
 
     client: AgentClient
-    inbox: deque[Frame] = field(default_factory=deque)
-    """From the world, in the order in which that has sent it."""
+    inbox: dict[str, deque[Frame]] = field(default_factory=dict)
+    """From the world, by topic."""
     to_world: dict[str, deque[Frame]] = field(default_factory=dict)
     """By topic, between which there is no order."""
     to_recorder: dict[str, deque[Frame]] = field(default_factory=dict)
@@ -157,10 +163,12 @@ class Graph:
     def __init__(self, rng: random.Random, deaths: int) -> None:
         self.rng = rng
         self.deaths = deaths
-        self.conductor = conductor()
+        self.conductor = conductor(reply_nudges=10**6)
         self.agents = {name: Errand(name) for name in KINDS}
         self.stores = {name: MemoryStore() for name in KINDS}
         self.processes: dict[str, Process] = {}
+        self.dead: list[tuple[str, Process]] = []
+        """What they said last may still be on its way to the world."""
         self.recorder = RecorderClient(life=1)
         self.recorder_inbox: deque[Addressed] = deque()
         self.gos: list[Frame] = []
@@ -187,6 +195,8 @@ class Graph:
             if steps:
                 idle = 0
                 self.rng.choice(steps)()
+                if self.rng.random() < 0.02:
+                    self.from_world(self.conductor.nudge())
                 if self.deaths and self.rng.random() < 0.03:
                     self.kill(self.rng.choice(list(KINDS)))
             else:
@@ -197,7 +207,7 @@ class Graph:
 
     def possible_steps(self) -> list[Callable[[], None]]:
         steps: list[Callable[[], None]] = []
-        for name, process in self.processes.items():
+        for name, process in [*self.processes.items(), *self.dead]:
             steps += [
                 *(
                     partial(self.reach_world, name, process, queue)
@@ -208,8 +218,11 @@ class Graph:
                     for queue in filter(None, process.to_recorder.values())
                 ),
             ]
-            if process.inbox:
-                steps.append(partial(self.reach_agent, name))
+        steps += [
+            partial(self.reach_agent, name, queue)
+            for name, process in self.processes.items()
+            for queue in filter(None, process.inbox.values())
+        ]
         if self.recorder_inbox:
             steps.append(self.reach_recorder_from_world)
         return steps
@@ -220,7 +233,7 @@ class Graph:
         guarded = GuardedAgent(shell(self.agents[name], self.stores[name]), lambda _: None)
         self.lives += 1
         process = Process(client=AgentClient(guarded, life=self.lives))
-        process.inbox.extend(self.gos)
+        process.inbox[WORLD_GO.name] = deque(self.gos)
         self.processes[name] = process
         self.publish(name, [process.client.hello()])
 
@@ -230,18 +243,12 @@ class Graph:
         if process is None:
             return
         self.deaths -= 1
-        lossy = [process.to_world, process.to_recorder]
-        if self.agents['c3'].finished:
-            lossy.pop()  # nothing makes up for it then: the world waits for the recorder in vain
-        for queues in lossy:
+        for queues in (process.to_world, process.to_recorder):
             for queue in queues.values():
                 for _ in range(self.rng.randint(0, len(queue))):
                     queue.pop()
-        # Before it is back everything of it has arrived that ever will.
-        for queue in process.to_world.values():
-            while queue and self.rng.random() < 0.9:
-                self.reach_world(name, process, queue)
-            queue.clear()
+        self.dead.append((name, process))
+        # Before it is back all has come to the recorder that ever will: that counts by then.
         for queue in process.to_recorder.values():
             while queue:
                 self.reach_recorder(name, process, queue)
@@ -264,7 +271,7 @@ class Graph:
     def begin_tick(self) -> None:
         for name, process in self.processes.items():
             if process.is_known:
-                assert not any(frame.topic is RADIO_RX for frame in process.inbox), name
+                assert not process.inbox.get(RADIO_RX.name), name
                 assert not process.to_world.get(RADIO_TX.name), name
         self.from_world(self.conductor.begin_tick())
 
@@ -302,16 +309,16 @@ class Graph:
                 for process in self.processes.values():
                     # Who is not known to the world may hear it all the same.
                     if frame.topic is WORLD_GO or process.is_known or self.rng.random() < 0.5:
-                        process.inbox.append(frame)
+                        process.inbox.setdefault(frame.topic.name, deque()).append(frame)
             elif frame.topic is RADIO_RX and name in self.processes:
                 process = self.processes[name]
-                if process.is_known or self.rng.random() < 0.5:
-                    process.inbox.append(frame)
+                if process.is_known:
+                    process.inbox.setdefault(frame.topic.name, deque()).append(frame)
             self.recorder_inbox.append((name, frame))
 
-    def reach_agent(self, name: str) -> None:
+    def reach_agent(self, name: str, queue: deque[Frame]) -> None:
         process = self.processes[name]
-        frame = process.inbox.popleft()
+        frame = queue.popleft()
         assert isinstance(frame.message, Text)
         if frame.topic is RADIO_RX:
             with suppress(MessageError):  # it was meant for the process before
@@ -590,12 +597,33 @@ def test_the_recorder_is_asked_for_what_it_holds_of_the_dead_and_not_for_more() 
     assert asked(output) == 99_940 + 1 + 1 + 1
 
 
-def tick_after(each: Conductor, published: int) -> None:
+def test_what_died_with_a_node_is_not_asked_for_at_the_end_either() -> None:
+    each = conductor()
+    each.hello(RECORDER, Hello(kind=NodeKind.RECORDER, life=1))
+    for life, name in enumerate(KINDS, start=1):
+        each.hello(name, hello(life))
+    for name in (*KINDS, RECORDER):
+        each.ready(name, Ready(go=0))
+    output = tick_after(each, published=10, finished=True)
+    assert phase(each) is Phase.SAVING
+    of_world = 2  # a clock, and the counters of the radio
+    assert asked(output) == 10 + of_world
+    each.hello('uav', hello(9))
+    each.ready('uav', Ready(go=1))
+    output = each.ready(RECORDER, Ready(go=1, stored={'uav': 9}))
+    assert asked(output) == 9 + of_world + 1  # and the world has told of the restart
+    each.done(RECORDER, done(1, received=12))
+    assert (phase(each), each.verdict) == (Phase.ENDED, 'complete')
+
+
+def tick_after(each: Conductor, published: int, *, finished: bool = False) -> list[Addressed]:
     each.begin_tick()
-    each.done('c3', done(1))
+    each.done('c3', structs.replace(done(1), finished=finished))
+    output: list[Addressed] = []
     for life, name, count in ((2, 'uav', published), (3, 'auv_1', 0)):
         each.saw(name, odometry(0.0))
-        each.done(name, done(life, published=count))
+        output = each.done(name, done(life, published=count))
+    return output
 
 
 def asked(output: list[Addressed]) -> int | None:
