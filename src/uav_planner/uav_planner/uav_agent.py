@@ -58,7 +58,8 @@ if TYPE_CHECKING:
     from msgs_json.drivers import UavDriver
     from msgs_json.store import Store
 
-_ORDER, _DIRECTIVE, _FLEET, _FLIGHT, _REPORT = 'order', 'directive', 'fleet', 'flight', 'report'
+_ORDER, _DIRECTIVE, _FLEET, _FLIGHT = 'order', 'directive', 'fleet', 'flight'
+_REPORT, _TICK = 'report', 'tick'
 """Kinds of entries of the store, beside the samples."""
 
 
@@ -273,6 +274,8 @@ class UavAgent:
                 difference_m=self._headway.difference_m,
             )
             self._store.put(_FLIGHT, '', flight)
+        if self._store.is_changed:
+            self._store.put(_TICK, '', self._now_s)
 
     def _recall(self) -> None:
         """Go on where a process before this one left off."""
@@ -295,6 +298,7 @@ class UavAgent:
         self._undelivered = deque(sorted(reports, key=lambda report: report.sortie))
         self.peers = frozenset({setup.c3, *self._fleet.names})
         self._heard = flight.heard
+        self._now_s = self._store.load(_TICK, float)['']
         if flight.plans_ahead_from_s is not None:
             self._plan_ahead(self._fleet, flight.plans_ahead_from_s)
 
@@ -306,9 +310,14 @@ class UavAgent:
     # --- a tick ----------------------------------------------------------------------------------
 
     def _tick(self, now_s: float) -> list[Output]:
-        self._look(now_s - self._setup.tick_s)
-        self._untold += self._decide()
-        target = self._steer()
+        # The process before this one may have lived to see this tick, and heard of what it is to
+        # decide on at the next one only.
+        is_seen = self._now_s >= now_s
+        self._look(now_s if is_seen else now_s - self._setup.tick_s)
+        target = None
+        if not is_seen:
+            self._untold += self._decide()
+            target = self._steer()
         state = self._driver.step(now_s)
         is_next_tick = now_s - self._now_s < 1.5 * self._setup.tick_s
         if target is not None and self._position is not None and is_next_tick:
