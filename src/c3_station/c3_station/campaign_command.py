@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from time import monotonic
 from typing import TYPE_CHECKING
+
+from rich.console import Console
 
 from c3_station.campaign_dask import DaskPool
 from c3_station.campaign_groups import sections_of
@@ -30,8 +33,6 @@ from c3_station.scenario_files import scenario_json
 from c3_station.software import this_software
 
 if TYPE_CHECKING:
-    from rich.console import Console
-
     from c3_station.campaign_mission import MissionResult
     from c3_station.campaign_plan import Campaign
 
@@ -51,11 +52,21 @@ class FlyingOptions:
     """Whether a sortie over its limit, an AUV missed or a sample lost fails the campaign."""
 
 
+Tell = Callable[[CampaignStore, FlyingOptions, Console], ExitCode]
+"""Prints what a campaign came to, and returns whether that is well."""
+
+
 def new_campaign(
-    campaign: Campaign, out: Path | None, options: FlyingOptions, console: Console
+    campaign: Campaign,
+    out: Path | None,
+    options: FlyingOptions,
+    console: Console,
+    tell: Tell | None = None,
 ) -> ExitCode:
     """
     Fly a campaign into a folder, or what is left of it where the same one was broken off.
+
+    In the end ``tell`` says what came of it, by default in the tables of a campaign.
 
     Raises
     ------
@@ -78,7 +89,7 @@ def new_campaign(
                     f'--out {folder}: holds another campaign: {"; ".join(different)};'
                     ' name another folder'
                 )
-            return _fly(store, options, console)
+            return _fly(store, options, console, tell or _tell)
 
 
 def resume_campaign(folder: Path, options: FlyingOptions, console: Console) -> ExitCode:
@@ -92,7 +103,7 @@ def resume_campaign(folder: Path, options: FlyingOptions, console: Console) -> E
 
     """
     with CampaignStore(folder) as store, sole_writer(folder):
-        return _fly(store, options, console)
+        return _fly(store, options, console, _tell)
 
 
 def report_campaign(folder: Path, options: FlyingOptions, console: Console) -> ExitCode:
@@ -136,7 +147,7 @@ def show_mission(folder: Path, number: str, console: Console) -> ExitCode:
         return ExitCode.OK
 
 
-def _fly(store: CampaignStore, options: FlyingOptions, console: Console) -> ExitCode:
+def _fly(store: CampaignStore, options: FlyingOptions, console: Console, tell: Tell) -> ExitCode:
     campaign = store.campaign
     missing = store.missing()
     if missing and campaign.software != this_software():
@@ -175,7 +186,7 @@ def _fly(store: CampaignStore, options: FlyingOptions, console: Console) -> Exit
         took = timedelta(seconds=round(took_s))
         rate = len(missing) / took_s
         _say(console, f'{_missions(len(missing))} in {took}, {rate:.1f} per second\n')
-    return _tell(store, options, console)
+    return tell(store, options, console)
 
 
 def _pool(options: FlyingOptions) -> ProcessPool | DaskPool:

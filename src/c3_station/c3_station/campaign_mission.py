@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 import msgspec
 
 from auv_sim.surfacing import Lost, Silent, surfacing_model
+from c3_station.faults_in_process import FaultTally
 from c3_station.in_process import fly
 from c3_station.software import this_software
 from c3_station.summary import Summarizer
@@ -76,6 +77,16 @@ class MissionResult(msgspec.Struct, frozen=True, kw_only=True):
     samples_delivered: int
     samples_lost: int | None
     """Those of AUVs that are not lost."""
+    samples_doubled: int | None
+    """Those that C3 counts more than once."""
+    restarts: int
+    """Nodes that died and came back."""
+    forged: int
+    """Hostile messages."""
+    obeyed: int
+    """Those of them that were not refused."""
+    refused: int
+    """All messages that agents refused; counted in missions with faults."""
     moves_total: int
     revisits: int
     sortie_times: tuple[SortieTimes, ...]
@@ -130,25 +141,32 @@ def fly_mission(job: MissionJob, planner: Planner | None = None) -> MissionResul
     """
     scenario = job.scenario
     summarizer = Summarizer()
-    failure = None
+    failure, tally = None, FaultTally()
     began_s = perf_counter()
     try:
-        fly(scenario, summarizer.frame, planner)
+        tally = fly(scenario, summarizer.frame, planner)
     except Exception as error:
         # A campaign looks for failures, those of our own code too.
         failure = _text(error)
     wall_s = perf_counter() - began_s
-    return _result(job.number, scenario, summarizer.summary(), failure, wall_s)
+    return result_of(job.number, scenario, summarizer.summary(), tally, failure, wall_s)
 
 
 def crashed(job: MissionJob, reason: str) -> MissionResult:
     """Return the result of a mission that took its whole process down."""
-    return _result(job.number, job.scenario, Summarizer().summary(), reason, wall_s=0.0)
+    summary = Summarizer().summary()
+    return result_of(job.number, job.scenario, summary, FaultTally(), reason, wall_s=0.0)
 
 
-def _result(
-    number: int, scenario: Scenario, summary: Summary, failure: str | None, wall_s: float
+def result_of(
+    number: int,
+    scenario: Scenario,
+    summary: Summary,
+    tally: FaultTally,
+    failure: str | None,
+    wall_s: float,
 ) -> MissionResult:
+    """Return what a mission came to; ``failure`` says what the software failed of, if it did."""
     if failure is not None:
         ended = MissionExit.ERROR
     else:
@@ -177,6 +195,11 @@ def _result(
         samples_collected=summary.samples_collected,
         samples_delivered=summary.samples_delivered,
         samples_lost=summary.samples_lost,
+        samples_doubled=summary.samples_doubled,
+        restarts=sum(summary.restarts.values()),
+        forged=tally.forged,
+        obeyed=tally.obeyed,
+        refused=tally.refused,
         moves_total=summary.moves_total,
         revisits=summary.revisits,
         sortie_times=tuple(

@@ -132,7 +132,7 @@ def plan_campaign(
     for name in scenarios:
         scenario = with_choices(load_scenario(name), seed=first_seed)
         cases += [
-            _case(name, scenario, changes, planner)
+            case(name, scenario, changes, planner)
             for changes in product(*variations)
             for planner in planners or (scenario.planner.name,)
         ]
@@ -191,7 +191,16 @@ def scenario_of(campaign: Campaign, case: Case) -> Scenario:
     )
 
 
-def _case(name: str, scenario: Scenario, changes: Sequence[Change], planner: str) -> Case:
+def case(name: str, scenario: Scenario, changes: Sequence[Change], planner: str) -> Case:
+    """
+    Return a scenario in one variation with one planner.
+
+    Raises
+    ------
+    ValueError
+        That is no mission; the text names scenario, variation and planner.
+
+    """
     try:
         varied = with_choices(scenario, planner=planner, changes=changes)
     except ValueError as error:

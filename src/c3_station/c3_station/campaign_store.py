@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 STORE = 'campaign.sqlite'
 
-_LAYOUT = 1
+_LAYOUT = 2
 """Number of the tables below; it is raised with every change of them."""
 
 _TABLES = """
@@ -60,6 +60,11 @@ create table missions (
     samples_collected integer not null,
     samples_delivered integer not null,
     samples_lost integer,  -- of AUVs that are not lost
+    samples_doubled integer,  -- that C3 counts more than once
+    restarts integer not null,  -- of nodes
+    forged integer not null,  -- hostile messages
+    obeyed integer not null,  -- those of them that were not refused
+    refused integer not null,  -- all messages refused; counted in missions with faults
     moves_total integer not null,
     revisits integer not null,
     sortie_times text not null,  -- JSON: [duration, worst case, limit] of each sortie

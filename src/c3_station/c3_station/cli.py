@@ -249,6 +249,53 @@ def _campaign(options: argparse.Namespace, console: Console) -> ExitCode:
     return campaign_command.new_campaign(campaign, options.out, flying, console)
 
 
+# --- faults --------------------------------------------------------------------------------------
+
+_FAULT_MISSIONS = 20
+
+
+def _faults_options(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        'scenario', nargs='?', default=_DEFAULT_SCENARIO, help='shipped scenario or a file'
+    )
+    parser.add_argument(
+        '--planner', default='robust', help='must keep the sortie limit (default robust)'
+    )
+    parser.add_argument(
+        '--missions',
+        type=_count,
+        default=_FAULT_MISSIONS,
+        help=f'missions for each row of the table (default {_FAULT_MISSIONS})',
+    )
+    parser.add_argument(
+        '--ros',
+        type=_count,
+        default=0,
+        metavar='N',
+        help='fly so many more of each row that strikes processes, by ROS 2 nodes',
+    )
+    parser.add_argument('--jobs', type=_count, help='processes that fly (default: one per core)')
+    parser.add_argument(
+        '--out', type=Path, metavar='DIR', help='folder, new or of the same table broken off'
+    )
+
+
+def _faults(options: argparse.Namespace, console: Console) -> ExitCode:
+    from c3_station.faults_command import FaultsOptions, fly_faults
+
+    return fly_faults(
+        FaultsOptions(
+            scenario=options.scenario,
+            planner=options.planner,
+            missions=options.missions,
+            by_nodes=options.ros,
+            jobs=options.jobs,
+            out=options.out,
+        ),
+        console,
+    )
+
+
 # --- bags ----------------------------------------------------------------------------------------
 
 
@@ -436,6 +483,12 @@ _COMMANDS = {
         'campaign ecc2009 --missions 200 --vary surfacing=early_10,slow,mixed',
         _campaign_options,
         _campaign,
+    ),
+    'faults': _Command(
+        'fly missions in which much goes wrong, and check that nothing is lost',
+        'faults --missions 5',
+        _faults_options,
+        _faults,
     ),
     'report': _Command(
         "rebuild a mission's summary, figures and report from its bag",

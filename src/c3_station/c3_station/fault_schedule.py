@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import enum
 from collections import defaultdict
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import cycle, islice
 from typing import TYPE_CHECKING
 
@@ -109,7 +109,12 @@ def fault_schedule(scenario: Scenario) -> Mapping[str, NodeFaults]:
     for kind, count in (('kills', faults.kills), ('hangs', faults.hangs)):
         rng = _rng(scenario, kind)
         for name in islice(cycle(struck), count):
-            kill = _kill(rng, until_s, schedule[name].full_disk, hangs=kind == 'hangs')
+            kill = _kill(rng, until_s, hangs=kind == 'hangs')
+            disk = schedule[name].full_disk
+            if disk is not None and disk.holds_at(kill.at_s):
+                # What a process could not store dies with it: nobody promises anything for both
+                # at once. A tick later it is stored.
+                kill = replace(kill, at_s=disk.until_s + scenario.tick_s)
             schedule[name].kills.append(kill)
     for each in schedule.values():
         each.kills.sort(key=lambda kill: kill.at_s)
@@ -125,16 +130,11 @@ def fault_schedule(scenario: Scenario) -> Mapping[str, NodeFaults]:
     return schedule
 
 
-def _kill(
-    rng: np.random.Generator, until_s: float, full_disk: FullDisk | None, *, hangs: bool
-) -> Kill:
+def _kill(rng: np.random.Generator, until_s: float, *, hangs: bool) -> Kill:
     at_s = rng.uniform(0.0, until_s)
     moment = list(Moment)[rng.integers(len(Moment))]
     # Contacts are short and rare, and there is most to lose in them.
     when_it_hears = bool(rng.integers(2))
-    if full_disk is not None and full_disk.holds_at(at_s):
-        # What a process could not store dies with it: nobody promises anything for both at once.
-        at_s = full_disk.until_s
     if hangs:  # who hangs is killed between two inputs
         return Kill(at_s=at_s, moment=Moment.BEFORE_INPUT, when_it_hears=False, hangs=True)
     return Kill(at_s=at_s, moment=moment, when_it_hears=when_it_hears, hangs=False)

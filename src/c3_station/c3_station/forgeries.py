@@ -90,6 +90,7 @@ class Stranger:
         self._own = Authenticator(rng.bytes(KEY_MIN_BYTES))
         self._heard: deque[tuple[bytes, Envelope]] = deque(maxlen=_HEARD_MAX)
         self._names = {codec.EVERYONE}
+        self._kinds = cycle(ForgeryKind)
 
     def hear(self, payload: bytes) -> None:
         """
@@ -117,7 +118,7 @@ class Stranger:
         """
         if not self._heard:
             raise ValueError('the stranger has heard nothing that it could forge')
-        for kind in islice(cycle(ForgeryKind), count):
+        for kind in islice(self._kinds, count):
             yield Forgery(kind=kind, payload=self._forge(kind))
 
     def _forge(self, kind: ForgeryKind) -> bytes:

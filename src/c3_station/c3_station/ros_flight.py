@@ -14,6 +14,7 @@ from time import monotonic
 from domain_coordinator import domain_id
 
 from auv_sim.world import WORLD
+from c3_station.faults_on_ros import RosFaults
 from c3_station.flight import Flight
 from c3_station.graph import RECORDER, NodeSpec, mission_nodes, write_params
 from c3_station.mission_monitor import MissionMonitor
@@ -21,7 +22,7 @@ from c3_station.observer_node import Observer
 from c3_station.processes import NodeProcess, executable, how_it_ended, stop_all
 from c3_station.ros_environment import graph_environment
 from c3_station.run_folder import RunFolder
-from c3_station.scenario import OnDeath, Scenario
+from c3_station.scenario import Faults, OnDeath, Scenario
 from msgs_json.messages import Waiting
 from msgs_json.node_exit import NodeExit
 
@@ -76,15 +77,20 @@ def fly_on_ros(
             ),
         )
         watch = _Watch(folder, monitor, refresh)
+        faults = RosFaults(scenario, domain, watch.process_of)
+        has_faults = scenario.faults != Faults()
         try:
             for node in nodes:
                 watch.start(node)
-            observer = Observer(domain, monitor, every_tick=rate > 0, heed=watch.heed)
+            observer = Observer(
+                domain, monitor, every_tick=rate > 0 or has_faults, heed=watch.heed
+            )
             try:
-                watch.until_the_world_ends(observer)
+                watch.until_the_world_ends(observer, faults)
             finally:
                 observer.close()
         finally:
+            faults.close()
             watch.stop()
         return watch.flight
 
@@ -121,13 +127,18 @@ class _Watch:
         """Start a node."""
         self._nodes[spec.name] = _Node(spec, _start(spec, self._folder))
 
-    def until_the_world_ends(self, observer: Observer) -> None:
+    def process_of(self, agent: str) -> NodeProcess:
+        """Return the present process of an agent."""
+        return next(n.process for n in self._nodes.values() if agent in n.spec.agents)
+
+    def until_the_world_ends(self, observer: Observer, faults: RosFaults) -> None:
         """Listen and watch until the world node ends, or the mission cannot begin or go on."""
         world = self._nodes[WORLD].process
         while world.exit_code() is None:
             observer.spin(_POLL_S)
             self._note_first_tick()
             self._look_for_the_dead()
+            faults.strike(self._monitor.now_s)
             self._note_memory()
             self._refresh()
             if self._is_hopeless or (self.flight.problem and self.flight.first_tick_s is None):

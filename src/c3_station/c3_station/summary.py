@@ -39,6 +39,7 @@ from msgs_json.messages import (
     MissionStarted,
     MissionStatus,
     MissionStopped,
+    NodeRestarted,
     RadioStatus,
     RecoveryReason,
     SamplesDelivered,
@@ -190,6 +191,8 @@ class Summary(msgspec.Struct, frozen=True, kw_only=True):
     refusals: tuple[RefusalSummary, ...]
     unreadable: int
     """Entries of the mission's log that could not be understood, and are in no figure."""
+    restarts: dict[str, int]
+    """By node: how often it died and came back."""
     wall_s: float | None
     real_time_factor: float | None
 
@@ -379,6 +382,8 @@ class _Figures:
         self.started: MissionStarted | None = None
         self.completed_s: float | None = None
         self.stopped: str | None = None
+        self.restarts: dict[str, int] = {}
+        """By node."""
         self.refusals: dict[tuple[str, str, str], RefusalSummary] = {}
         """By node, sender and reason."""
         self.entries: list[tuple[float, CellEntered]] = []
@@ -419,6 +424,8 @@ class _Figures:
                 self.completed_s = time_s
             case MissionResumed():
                 self.stopped = None
+            case NodeRestarted(node=node, restarts=restarts):
+                self.restarts[node] = max(self.restarts.get(node, 0), restarts)
             case MissionStopped(reason=reason, node=node):
                 self.stopped = f'{reason} ({node})' if node else reason
             case MessageRefused():
@@ -512,6 +519,7 @@ class _Figures:
             ),
             refusals=tuple(self.refusals.values()),
             unreadable=unreadable,
+            restarts=self.restarts,
             wall_s=facts.wall_s,
             real_time_factor=facts.real_time_factor,
         )

@@ -88,7 +88,7 @@ def test_commented_defaults_of_the_template_are_the_defaults() -> None:
     keys += ('wind_east_mps', 'wind_north_mps', 'handover_s', 'lost_after_sorties')
     keys += ('surface_margin_s', 'min_path_cells', 'options', 'tick_s', 'seed', 'field')
     keys += ('on_death', 'samples_lost', 'masked', 'loss', 'bursts', 'latency_s', 'jitter_s')
-    keys += ('bytes_per_s', 'queue_frames', 'duplicates', 'corruption', 'links')
+    keys += ('bytes_per_s', 'queue_frames', 'duplicates', 'corruption', 'links', 'faults')
     uncommented, found = [], set()
     for line in text.splitlines():
         indent, mark, rest = line.partition('# ')

@@ -1,0 +1,37 @@
+"""Rows of the fault table flown by ROS 2 nodes, with real signals to real processes."""
+
+from __future__ import annotations
+
+from time import monotonic
+from typing import TYPE_CHECKING
+
+import msgspec
+
+from c3_station.campaign_mission import result_of
+from c3_station.faults_in_process import FaultTally
+from c3_station.mission_run import RunOptions, run_mission
+from c3_station.run_folder import RunFolder
+from c3_station.summary import Summary
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+    from pathlib import Path
+
+    from rich.console import Console
+
+    from c3_station.campaign_mission import MissionResult
+    from c3_station.campaign_plan import Campaign
+
+
+def fly_by_nodes(campaign: Campaign, folder: Path, console: Console) -> Iterator[MissionResult]:
+    """Fly a campaign's missions one after another, each into a folder of its own."""
+    for number in range(1, campaign.missions_total + 1):
+        job = campaign.job(number)
+        out = folder / f'mission_{number}'
+        began_s = monotonic()
+        options = RunOptions(out=out, force=True, rate=0.0, ros=True, bag=True, key_file=None)
+        run_mission(job.scenario, options, console)
+        summary = msgspec.json.decode(RunFolder(out).summary.read_bytes(), type=Summary)
+        refused = sum(refusal.count for refusal in summary.refusals)
+        tally = FaultTally(refused=refused)
+        yield result_of(number, job.scenario, summary, tally, None, monotonic() - began_s)

@@ -1,0 +1,102 @@
+"""A node that is none of the mission's: it hears the radio's topics and publishes on them."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable, Sequence
+
+import rclpy
+from rclpy.context import Context
+from rclpy.signals import SignalHandlerOptions
+
+from c3_station.forgeries import ForgeryKind, Stranger
+from c3_station.scenario import C3, UAV, Scenario
+from msgs_json import codec
+from msgs_json.codec import MessageError
+from msgs_json.geometry import is_before
+from msgs_json.host_node import make_executor, message_class, qos_profile
+from msgs_json.randomness import agent_rng
+from msgs_json.ros_messages import Text, text_from_cdr, to_cdr
+from msgs_json.topics import RADIO_RX, RADIO_TX
+
+_BATCH = 50
+"""So many at a time: a queue that overflows would refuse them for the nodes."""
+_HEARD_MAX = 100
+"""So many messages are taken in at a time, so that the orchestrator is not held up."""
+
+
+class StrangerNode:
+    """
+    Publishes forged messages on ``radio/rx`` and ``radio/tx`` of agents, when they are due.
+
+    What it says again as it was goes to ``radio/tx``, where the world refuses it. The world counts
+    what it puts on ``radio/rx``, and a copy from somebody else would be counted there, too.
+    """
+
+    def __init__(
+        self, domain_id: int, scenario: Scenario, forged_s: Sequence[tuple[float, str]]
+    ) -> None:
+        """Join the graph; ``forged_s`` says when to forge what for whom, in order."""
+        self._due = deque(forged_s)
+        self._stranger = Stranger(agent_rng(scenario.seed, 'faults.stranger'))
+        self._has_heard = False
+        self._is_for_rx = False
+        self._context = Context()
+        rclpy.init(
+            context=self._context,
+            domain_id=domain_id,
+            signal_handler_options=SignalHandlerOptions.NO,
+        )
+        self._node = rclpy.create_node('stranger', namespace='orchestrator', context=self._context)
+        self._executor = make_executor(self._context)
+        self._executor.add_node(self._node)
+        agents = (C3, UAV, *(auv.name for auv in scenario.auvs))
+        self._say: dict[tuple[str, str], Callable[[bytes], None]] = {}
+        for topic in (RADIO_RX, RADIO_TX):
+            for agent in agents:
+                publisher = self._node.create_publisher(
+                    message_class(topic.ros_type),
+                    topic.resolve(f'/{agent}'),
+                    qos_profile(topic.qos),
+                )
+                self._say[topic.name, agent] = publisher.publish
+        for agent in agents:
+            self._node.create_subscription(
+                message_class(RADIO_RX.ros_type),
+                RADIO_RX.resolve(f'/{agent}'),
+                self._hear,
+                qos_profile(RADIO_RX.qos),
+                raw=True,
+            )
+
+    def speak(self, now_s: float) -> None:
+        """Hear what came, and publish what is due."""
+        for _ in range(_HEARD_MAX):
+            self._executor.spin_once(timeout_sec=0.0)
+        if not self._has_heard:
+            return
+        for _ in range(_BATCH):
+            if not self._due or is_before(now_s, self._due[0][0]):
+                return
+            _, agent = self._due.popleft()
+            (forgery,) = self._stranger.forgeries(1)
+            self._is_for_rx = not self._is_for_rx
+            is_for_rx = self._is_for_rx and forgery.kind is not ForgeryKind.REPLAY
+            topic = RADIO_RX if is_for_rx else RADIO_TX
+            self._say[topic.name, agent](to_cdr(Text(forgery.payload)))
+
+    def close(self) -> None:
+        """Leave the graph."""
+        self._node.destroy_node()
+        self._context.try_shutdown()
+
+    def _hear(self, cdr: bytes) -> None:
+        payload = text_from_cdr(cdr)
+        try:
+            # Its own words come back to it.
+            if codec.open_envelope(payload).auth is None:
+                return
+            self._stranger.hear(payload)
+        except MessageError:
+            return
+        self._has_heard = True
