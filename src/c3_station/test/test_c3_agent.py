@@ -8,7 +8,15 @@ import pytest
 from hypothesis import given
 
 from c3_station.c3_agent import C3Agent
-from c3_station.scenario import Auv, PlannerChoice, Radio, Scenario, Sortie, Uav
+from c3_station.scenario import (
+    Auv,
+    PlannerChoice,
+    Radio,
+    Scenario,
+    ScheduledCommand,
+    Sortie,
+    Uav,
+)
 from msgs_json.agent import Log, Output, Publish, Refuse, Transmit
 from msgs_json.codec import Refusal
 from msgs_json.geometry import Cell, GridSpec, Point
@@ -19,6 +27,7 @@ from msgs_json.messages import (
     AuvStatus,
     ChangeLimit,
     Command,
+    CommandTaken,
     ContactState,
     DirectiveRefused,
     Event,
@@ -70,13 +79,14 @@ STATUS_PERIOD_S = 10.0
 class Bench:
     """A station, driven second by second."""
 
-    def __init__(self, *, start_s: float = 0.0) -> None:
+    def __init__(self, *, start_s: float = 0.0, scenario: Scenario = SCENARIO) -> None:
+        self._scenario = scenario
         self.store = MemoryStore()
         self.agent = self.make_agent()
         self.now_s = start_s - 1.0
 
     def make_agent(self) -> C3Agent:
-        return C3Agent('c3', SCENARIO, 'uav', STATUS_PERIOD_S, self.store)
+        return C3Agent('c3', self._scenario, 'uav', STATUS_PERIOD_S, self.store)
 
     def restart(self) -> None:
         """Have another process go on."""
@@ -717,6 +727,26 @@ def test_a_new_process_does_what_the_one_before_would_have_done(
     killed.wait_until(unharmed.now_s)
     last = batch(sample('auv_1', 9, (0, 0)))
     assert as_seen(killed.hear(last)) == as_seen(unharmed.hear(last))
+
+
+def test_a_new_process_ends_the_mission_when_all_that_was_announced_is_here() -> None:
+    bench = Bench().surveying()
+    both = (meeting('auv_1', is_last=True), meeting('auv_2', is_last=True))
+    bench.hear(report(1, *both, cargo=(span('auv_1', 0, 2),), is_last=True))
+    for number, ends in ((0, False), (1, True)):
+        bench.restart()
+        bench.hear(batch(sample('auv_1', number, (number, 0))))
+        assert bench.agent.finished == ends
+
+
+def test_a_command_of_the_scenario_is_given_once_by_all_processes() -> None:
+    scheduled = ScheduledCommand(at_s=5.0, command={'command': 'pause'})
+    bench = Bench(scenario=msgspec.structs.replace(SCENARIO, operator=(scheduled,))).surveying()
+    assert events(bench.wait_until(5.0)) == [CommandTaken(command=Pause(), revision=1)]
+    bench.restart()
+    output = bench.tick()
+    assert events(output) == []
+    assert status(output).directive.paused
 
 
 def test_a_process_that_died_before_it_stored_its_order_begins_anew() -> None:
