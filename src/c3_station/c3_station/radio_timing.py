@@ -11,7 +11,7 @@ from msgs_json.custody import BATCHES_MAX
 from msgs_json.geometry import whole_ticks
 
 COPIES_MAX = 8
-LOST_MAX = 0.05
+LOST_MAX = 0.01
 """Share of the messages of which no copy may come across."""
 
 if TYPE_CHECKING:
