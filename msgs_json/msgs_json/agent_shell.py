@@ -245,9 +245,7 @@ class AgentShell:
         try:
             src, message, is_copy = self._admit(data)
         except MessageError as error:
-            self.genuine_from = self._source(data)
             return self._refuse(Refuse(error.sender, error.refusal, error.detail), now_s)
-        self.genuine_from = src
         match message:
             case _ if is_copy:
                 outputs = []
@@ -269,16 +267,18 @@ class AgentShell:
     def _admit(self, data: bytes) -> tuple[str, Message, bool]:
         """Return who said what, and whether it was heard in this tick already."""
         envelope = codec.open_envelope(data)
-        if envelope.src not in self.agent.peers:
-            known = ', '.join(sorted(self.agent.peers))
-            raise MessageError(
-                Refusal.UNKNOWN_SENDER, envelope.src, f'`$.src` must be one of {known}'
-            )
         if envelope.dst != self.agent.name:
             raise MessageError(
                 Refusal.NOT_ADDRESSED,
                 envelope.src,
                 f'`$.dst` is {envelope.dst}, this is {self.agent.name}',
+            )
+        body = codec.open_body(envelope)
+        self.genuine_from = envelope.src
+        if envelope.src not in self.agent.peers:
+            known = ', '.join(sorted(self.agent.peers))
+            raise MessageError(
+                Refusal.UNKNOWN_SENDER, envelope.src, f'`$.src` must be one of {known}'
             )
         if envelope.schema not in _HEARD:
             raise MessageError(
@@ -286,7 +286,6 @@ class AgentShell:
                 envelope.src,
                 f'`$.schema` is {envelope.schema!r}; allowed: {", ".join(sorted(_HEARD))}',
             )
-        body = codec.open_body(envelope)
         if self._authenticator is not None:
             self._note_heard(envelope.src, envelope.seq)
         said = (envelope.src, bytes(envelope.body))
@@ -306,17 +305,11 @@ class AgentShell:
             output += self.agent.receive(src, message, now_s)
         return output
 
-    def _source(self, data: bytes) -> str | None:
-        """Return who sent something that was refused, if it is sound and meant for this agent."""
-        try:
-            envelope, _ = codec.decode(data)
-        except MessageError:
-            return None
-        return envelope.src if envelope.dst == self.agent.name else None
-
     def _note_heard(self, src: str, seq: int) -> None:
         """Refuse what was heard before, by this process or one before it."""
-        window = self._windows.setdefault(src, ReplayWindow())
+        window = self._windows.get(src)
+        if window is None:
+            window = self._windows[src] = ReplayWindow()
         if not window.is_fresh(seq):
             raise MessageError(
                 Refusal.REPLAY, src, f'`$.seq` is {seq}: heard before, or too old to tell'
