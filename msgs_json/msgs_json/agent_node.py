@@ -15,10 +15,11 @@ from msgs_json.agent_shell import AgentSetting, AgentShell, Frame
 from msgs_json.authentication import Authenticator
 from msgs_json.drivers import DriverPorts
 from msgs_json.guarded_agent import GuardedAgent
-from msgs_json.host_node import HostedNode, message_class, steady_us
+from msgs_json.host_node import STEADY_CLOCK, HostedNode, message_class, steady_us
 from msgs_json.key_file import read_key
 from msgs_json.lockstep_client import AgentClient
 from msgs_json.messages import Go, Tick
+from msgs_json.mission_clock import MissionClock
 from msgs_json.refusals import body_decoder
 from msgs_json.ros_messages import (
     NANOSECONDS,
@@ -45,6 +46,10 @@ ParamsT = TypeVar('ParamsT', bound=AgentParams)
 
 _AGENT_NAME = re.compile('[a-z][a-z0-9_]{0,31}')
 
+_BOOT_ID = Path('/proc/sys/kernel/random/boot_id')
+"""Another one after each boot of the machine (Linux)."""
+_MICROSECONDS = 1_000_000
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AgentKind(Generic[ParamsT]):
@@ -67,8 +72,8 @@ class AgentNode(HostedNode):
     """
     Carries what an agent hears and says; which of the two clocks ticks it, ``use_sim_time`` says.
 
-    True: lockstep, ticks come from the world. False: a timer on the ROS clock ticks the agent,
-    and messages are handed over as they arrive.
+    True: lockstep, ticks come from the world. False: a timer ticks the agent, and messages are
+    handed over as they arrive; the time is the ROS clock's at the start, and steady from then on.
     """
 
     def __init__(
@@ -92,13 +97,11 @@ class AgentNode(HostedNode):
             setting = AgentSetting(store=self._store, authenticator=self._authenticator(params))
             shell = kind.make_agent(params, _Ports(self), setting)
         self._agent = GuardedAgent(shell, self.log.error)
-        self._work: Callable[[], list[Frame]] = lambda: self._agent.work(self._now_s())
+        self._work: Callable[[], list[Frame]]
         if self.get_parameter('use_sim_time').value:
             self._join_lockstep(kind.listens)
         else:
-            for topic in (RADIO_RX, *kind.listens):
-                self.listen(topic, text_from_cdr, self._hear)
-            self.create_timer(kind.tick_s(params), self._tick_now)
+            self._keep_time(kind.listens, kind.tick_s(params))
 
     def publish(self, frames: Iterable[Frame]) -> None:
         """Publish what the agent wants to say and show."""
@@ -131,14 +134,24 @@ class AgentNode(HostedNode):
 
     # --- real time -------------------------------------------------------------------------------
 
-    def _tick_now(self) -> None:
-        self._carry_on(self._agent.tick(self._now_s()))
+    def _keep_time(self, listens: tuple[Topic, ...], tick_s: float) -> None:
+        clock = MissionClock(
+            self._store,
+            ros_s=self.get_clock().now().nanoseconds / NANOSECONDS,
+            steady_s=_steady_s(),
+            boot_id=_BOOT_ID.read_text().strip(),
+        )
+        self._work = lambda: self._agent.work(clock.now_s(_steady_s()))
 
-    def _hear(self, data: bytes) -> None:
-        self._carry_on(self._agent.receive(data, self._now_s()))
+        def on_tick() -> None:
+            self._carry_on(self._agent.tick(clock.now_s(_steady_s())))
 
-    def _now_s(self) -> float:
-        return self.get_clock().now().nanoseconds / NANOSECONDS
+        def on_heard(data: bytes) -> None:
+            self._carry_on(self._agent.receive(data, clock.now_s(_steady_s())))
+
+        for topic in (RADIO_RX, *listens):
+            self.listen(topic, text_from_cdr, on_heard)
+        self.create_timer(tick_s, on_tick, clock=STEADY_CLOCK)
 
     # --- lockstep --------------------------------------------------------------------------------
 
@@ -169,6 +182,10 @@ class AgentNode(HostedNode):
         for topic in (WORLD_DONE, WORLD_READY, WORLD_HELLO):
             self._topic_publishers[topic.name] = self.raw_publisher(topic)
         self.publish([client.hello()])
+
+
+def _steady_s() -> float:
+    return steady_us() / _MICROSECONDS
 
 
 def _open_store(params: AgentParams) -> Store:

@@ -99,16 +99,16 @@ class Stranger:
         Raises
         ------
         MessageError
-            It is no envelope.
+            It is no message, or was damaged.
 
         """
-        envelope = codec.open_envelope(payload)
+        envelope, _ = codec.decode(payload)
         self._heard.append((payload, envelope))
         self._names |= {envelope.src, envelope.dst}
 
     def forgeries(self, count: int) -> Iterator[Forgery]:
         """
-        Yield so many payloads, of each kind in turn.
+        Yield so many payloads, of each kind in turn, going on where the last ones ended.
 
         Raises
         ------

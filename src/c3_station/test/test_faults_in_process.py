@@ -111,6 +111,12 @@ def test_strangers_are_refused_one_and_all_and_change_nothing() -> None:
     assert summary.mission_s == calm.mission_s
 
 
+def test_a_stranger_forges_nothing_after_what_the_radio_has_damaged() -> None:
+    summary, _, tally = flown('faults.forged=300', 'radio.corruption=0.5')
+    assert (tally.forged, tally.obeyed) == (300, 0)
+    assert keeps_its_promises(summary)
+
+
 def test_a_clock_that_is_set_changes_nothing_even_for_who_dies() -> None:
     _, calm_events, _ = flown('faults.kills=10')
     _, events, _ = flown('faults.kills=10', 'faults.clock_jump_s=500')

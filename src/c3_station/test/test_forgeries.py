@@ -162,3 +162,17 @@ def test_the_same_seed_forges_the_same() -> None:
 def test_a_stranger_that_has_heard_nothing_has_nothing_to_forge() -> None:
     with pytest.raises(ValueError, match='heard nothing'):
         next(Stranger(np.random.default_rng(1)).forgeries(1))
+
+
+def test_kinds_go_on_where_the_last_ones_ended() -> None:
+    stranger = Stranger(np.random.default_rng(0))
+    for payload in GENUINE:
+        stranger.hear(payload)
+    one_by_one = [forgery.kind for _ in ForgeryKind for forgery in stranger.forgeries(1)]
+    assert one_by_one == list(ForgeryKind)
+
+
+def test_what_was_damaged_is_not_remembered() -> None:
+    stranger = Stranger(np.random.default_rng(0))
+    with pytest.raises(MessageError):
+        stranger.hear(GENUINE[0].replace(b'"leg_id":1', b'"leg_id":x'))
