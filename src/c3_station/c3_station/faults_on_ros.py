@@ -8,7 +8,7 @@ from collections import deque
 from typing import TYPE_CHECKING
 
 from c3_station.fault_schedule import fault_schedule
-from c3_station.stranger_node import StrangerNode
+from c3_station.scheduled_stranger_node import ScheduledStranger
 from msgs_json.geometry import is_before
 
 if TYPE_CHECKING:
@@ -79,7 +79,7 @@ class RosFaults:
             forged_s = sorted(
                 (at_s, name) for name, each in schedule.items() for at_s in each.forged_s
             )
-            self._stranger = StrangerNode(domain_id, scenario, forged_s)
+            self._stranger = ScheduledStranger(domain_id, scenario, forged_s)
 
     def strike(self, now_s: float) -> None:
         """Let everything happen that is due at a time of the mission."""

@@ -25,7 +25,7 @@ _HEARD_MAX = 100
 """So many messages are taken in at a time, so that the orchestrator is not held up."""
 
 
-class StrangerNode:
+class ScheduledStranger:
     """
     Publishes forged messages on ``radio/rx`` and ``radio/tx`` of agents, when they are due.
 
