@@ -79,6 +79,8 @@ class _Agent:
     """Of what was delivered, what it has not said to have worked off."""
     seen: bool = False
     """Its odometry of the open tick is here."""
+    located: bool = False
+    """Likewise, be it of a former life."""
     answered: bool = False
     """Its `Done` of the open tick is here."""
     restarts: int = 0
@@ -305,7 +307,7 @@ class Conductor:
         self._has_begun = True
         self._world.tick, self._next_tick = self._next_tick, self._next_tick + 1
         for agent in self._agents.values():
-            agent.seen = agent.answered = False
+            agent.seen = agent.located = agent.answered = False
         total = self._total_published()
         behind = self._has_recorder and total - self._asked_for >= RECORDER_BACKLOG
         self._wait_for(Phase.WORKING, self._nodes if behind else self._world.order)
@@ -327,7 +329,11 @@ class Conductor:
                 f'odometry is of {odometry.stamp_s} s, the tick of {self._tick.time_s} s',
             )
         agent.seen = True
-        self._world.see(name, odometry)
+        if not agent.located:
+            # A new process shows its vehicle as what it has ordered since has made it: an AUV
+            # that has just taken its path would be under water, and its answer with it.
+            agent.located = True
+            self._world.see(name, odometry)
         return self._settle(name)
 
     def said(self, name: str, payload: bytes) -> list[Addressed]:

@@ -397,12 +397,12 @@ def done(life: int, tick: int = 0, **counts: int) -> Done:
     )
 
 
-def odometry(time_s: float) -> Odometry:
+def odometry(time_s: float, z_m: float = 0.0) -> Odometry:
     return Odometry(
         stamp_s=time_s,
         child_frame_id='x',
         position=ORIGIN,
-        z_m=0.0,
+        z_m=z_m,
         heading_rad=0.0,
         speed_mps=0.0,
     )
@@ -453,6 +453,28 @@ def test_deliveries_that_were_not_worked_off_are_delivered_again_once_it_has_tic
     assert phase(each) is Phase.WORKING
     each.done('uav', done(9, received=1))
     assert phase(each) is Phase.RESTING
+
+
+def test_what_an_auv_said_before_it_died_is_heard_though_it_has_dived_meanwhile() -> None:
+    each = under_way()
+    each.done('c3', done(1))
+    each.saw('uav', odometry(0.0))
+    each.done('uav', done(2))
+    each.saw('auv_1', odometry(0.0))
+    answer = said('auv_1', 'uav', 0)
+    each.said('auv_1', answer)
+    each.hello('auv_1', hello(9))
+    each.ready('auv_1', Ready(go=1))
+    each.saw('auv_1', odometry(0.0, z_m=-5.0))
+    assert each.done('auv_1', done(9)) == [('uav', Frame(RADIO_RX, Text(answer)))]
+    each.done('uav', done(2, received=1))
+    each.begin_tick()
+    for life, name in ((2, 'uav'), (9, 'auv_1')):
+        each.saw(name, odometry(1.0, z_m=-5.0 if name == 'auv_1' else 0.0))
+    each.said('auv_1', said('auv_1', 'uav', 1))  # it is under water now
+    each.done('auv_1', done(9, tick=1, sent=1))
+    each.done('uav', done(2, tick=1, received=1))
+    assert each.done('c3', done(1, tick=1)) == []
 
 
 def test_while_a_node_is_greeted_no_tick_is_sent() -> None:
