@@ -12,7 +12,7 @@ from rich.text import Text
 from c3_station.campaign_command import FlyingOptions, new_campaign
 from c3_station.campaign_mission import MissionExit
 from c3_station.exit_codes import ExitCode
-from c3_station.fault_table import outcomes, plan_table, rows_of
+from c3_station.fault_table import outcomes, plan_table, rows_for_nodes, rows_of
 from c3_station.faults_by_nodes import fly_by_nodes
 from c3_station.scenario_files import load_scenario
 
@@ -94,7 +94,7 @@ def _tell(
     del flying  # a broken promise fails the suite, always
     is_kept = _print(outcomes(store.campaign, rows, store.results()), console)
     if options.by_nodes:
-        by_nodes = tuple(row for row in rows if row.is_for_nodes)
+        by_nodes = rows_for_nodes(load_scenario(options.scenario))
         planned = plan_table(options.scenario, options.planner, by_nodes, options.by_nodes)
         results = tuple(fly_by_nodes(planned, store.folder / 'by_nodes', console))
         console.print('\nflown by ROS 2 nodes:', style='bold')
