@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import msgspec
 
 from c3_station.campaign_mission import result_of
+from c3_station.exit_codes import ExitCode
 from c3_station.faults_in_process import FaultTally
 from c3_station.mission_run import RunOptions, run_mission
 from c3_station.run_folder import RunFolder
@@ -30,7 +31,8 @@ def fly_by_nodes(campaign: Campaign, folder: Path, console: Console) -> Iterator
         out = folder / f'mission_{number}'
         began_s = monotonic()
         options = RunOptions(out=out, force=True, rate=0.0, ros=True, bag=True, key_file=None)
-        run_mission(job.scenario, options, console)
+        if run_mission(job.scenario, options, console) is ExitCode.INTERRUPTED:
+            raise KeyboardInterrupt  # one Ctrl-C is for all of them
         summary = msgspec.json.decode(RunFolder(out).summary.read_bytes(), type=Summary)
         refused = sum(refusal.count for refusal in summary.refusals)
         tally = FaultTally(refused=refused)
