@@ -233,10 +233,17 @@ class Directive(Message, frozen=True):
 
 
 class DirectiveRefused(Message, frozen=True):
-    """UAV to C3: it does not fly so, but goes on as before."""
+    """
+    UAV to C3: it flies by a directive, but for the time limit or the region.
+
+    Those it keeps, as far as it cannot fly by others.
+    """
 
     revision: Count
     problem: Annotated[str, msgspec.Meta(max_length=1000)]
+    sortie_limit_s: Annotated[float, msgspec.Meta(gt=0, le=1e6, description='L, as it is')]
+    masked: tuple[Cell, ...]
+    """As they are."""
 
 
 class Meeting(Message, frozen=True):
@@ -587,7 +594,7 @@ class Missed(Event, frozen=True):
 
 
 class SearchBrokenOff(Event, frozen=True):
-    """UAV: turned home because to go on could break the sortie limit."""
+    """UAV: turned home because to go on could break the sortie limit, or by an abort."""
 
     sortie: Count
     not_reached: tuple[Name, ...]
@@ -632,17 +639,18 @@ class CommandTaken(Event, frozen=True):
 
 
 class CommandRefused(Event, frozen=True):
-    """C3: does not take a command, or the UAV cannot fly by it."""
+    """C3: does not take a command, or the UAV cannot fly by what came of some."""
 
     command: OperatorCommand | None
-    """None where the UAV says so, which knows only what came of it."""
+    """None where the UAV says so."""
     problem: str
 
 
 class DirectiveTaken(Event, frozen=True):
-    """UAV: flies by what the operator wants from now on."""
+    """UAV: flies by what the operator wants from now on, as far as it can."""
 
     directive: Directive
+    """By which it flies."""
 
 
 class MissionCompleted(Event, frozen=True):

@@ -247,9 +247,8 @@ class C3Agent:
             if is_before(now_s, scheduled.at_s):
                 break
             self._scheduled_done += 1
-            command = operator_command(scheduled.command)
-            output += self._commanded(command, order, now_s)
-            self._remember(order)
+            output += self._commanded(operator_command(scheduled.command), order, now_s)
+            self._remember(order)  # that it was given, if it was refused, too
         return output
 
     # --- what the UAV brings ---------------------------------------------------------------------
@@ -292,7 +291,7 @@ class C3Agent:
             return output  # repeated by the UAV: it missed our answer
         delivered = SamplesDelivered(
             samples=len(new),
-            cells_delivered=len(self._cells),
+            cells_delivered=self._cells_delivered,
             oldest_age_s=_oldest_age_s(new, now_s),
         )
         output += [Log(delivered, now_s), *self._look_for_end(now_s)]
@@ -309,7 +308,7 @@ class C3Agent:
             return []
         self.finished = True
         completed = MissionCompleted(
-            cells_delivered=len(self._cells),
+            cells_delivered=self._cells_delivered,
             samples_delivered=self._samples_delivered,
             lost=tuple(
                 name for name, auv in self._auvs.items() if auv.contact(now_s) is ContactState.LOST
@@ -413,7 +412,7 @@ class C3Agent:
             state=self._state(),
             sorties=self._sorties,
             cells_total=self._cells_total,
-            cells_delivered=len(self._cells),
+            cells_delivered=self._cells_delivered,
             samples_delivered=self._samples_delivered,
             directive=self._desk.wanted,
             directive_taken=self._desk.taken.revision,
@@ -437,6 +436,10 @@ class C3Agent:
     def _cells_total(self) -> int:
         return self._scenario.region.cells_total - len(self._desk.taken_out)
 
+    @property
+    def _cells_delivered(self) -> int:
+        return len(self._cells.keys() - self._desk.taken_out)
+
     def _state(self) -> MissionState:
         if self.finished:
             return MissionState.COMPLETED
@@ -446,7 +449,7 @@ class C3Agent:
             return MissionState.PAUSED
         if not self._order_acknowledged:
             return MissionState.STARTING
-        is_delivered = self._cells_total == len(self._cells.keys() - self._desk.taken_out)
+        is_delivered = self._cells_total == self._cells_delivered
         if is_delivered or self._desk.is_all_recalled:
             return MissionState.RECOVERING
         return MissionState.SURVEYING

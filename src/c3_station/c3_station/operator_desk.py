@@ -1,8 +1,8 @@
 """
 What the operator wants, command by command, as one directive that the UAV is to fly by.
 
-C3 repeats the directive until the UAV has taken it, which may be a sortie later. What the UAV
-refuses is taken back: only the time limit and the region can be that.
+C3 repeats the directive until the UAV has taken it, which may be a sortie later. By a time limit
+or a region the UAV may be unable to fly; it takes all else then, and these stay as they are.
 """
 
 from __future__ import annotations
@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 import msgspec
 from msgspec.structs import replace
 
+from msgs_json.geometry import mask_problems
 from msgs_json.messages import (
     Abort,
     ChangeLimit,
@@ -56,14 +57,14 @@ class OperatorDesk:
 
     def __init__(self, scenario: Scenario, memory: DeskMemory | None = None) -> None:
         self._auvs = tuple(auv.name for auv in scenario.auvs)
-        self._masked = scenario.region.masked
+        self._region = scenario.region
         ordered = Directive(
             revision=0,
             paused=False,
             aborted=False,
             recalled=(),
             sortie_limit_s=scenario.sortie.limit_s,
-            masked=self._masked,
+            masked=self._region.masked,
         )
         self.wanted = memory.wanted if memory else ordered
         self.taken = memory.taken if memory else ordered
@@ -86,7 +87,7 @@ class OperatorDesk:
     @property
     def taken_out(self) -> frozenset[Cell]:
         """Return the cells that the operator has taken out of the region."""
-        return frozenset(self.wanted.masked) - frozenset(self._masked)
+        return frozenset(self.wanted.masked) - frozenset(self._region.masked)
 
     def take(self, command: OperatorCommand) -> str | None:
         """Take a command; return why not, or None."""
@@ -113,10 +114,17 @@ class OperatorDesk:
             case ChangeLimit(sortie_limit_s=limit_s):
                 wanted = replace(wanted, sortie_limit_s=limit_s)
             case ChangeRegion(masked=masked):
-                wanted = replace(wanted, masked=tuple(sorted({*self._masked, *masked})))
+                for index, problem in mask_problems(replace(self._region, masked=masked)):
+                    return f'masked[{index}] {problem}'
+                wanted = replace(wanted, masked=self._with_those_ordered(masked))
         if wanted != self.wanted:
             self.wanted = replace(wanted, revision=wanted.revision + 1)
         return None
+
+    def _with_those_ordered(self, masked: tuple[Cell, ...]) -> tuple[Cell, ...]:
+        """Return masked cells in the order of the scenario: the same ones are always equal."""
+        ordered = self._region.masked
+        return (*ordered, *sorted({*masked} - {*ordered}))
 
     def acknowledged(self, revision: int) -> None:
         """Note that the UAV flies by a directive; of one that is out of date it says nothing."""
@@ -124,13 +132,10 @@ class OperatorDesk:
             self.taken = self.wanted
 
     def refused(self, refusal: DirectiveRefused) -> bool:
-        """Take back what the UAV cannot fly by; return whether it was still wanted."""
+        """Note by what the UAV flies instead of what was wanted; return whether it still was."""
         if refusal.revision != self.wanted.revision or self.is_settled:
             return False
-        self.wanted = replace(
-            self.wanted,
-            revision=self.wanted.revision + 1,
-            sortie_limit_s=self.taken.sortie_limit_s,
-            masked=self.taken.masked,
+        self.wanted = self.taken = replace(
+            self.wanted, sortie_limit_s=refusal.sortie_limit_s, masked=refusal.masked
         )
         return True

@@ -16,6 +16,7 @@ from auv_sim.auv_params import DRIVERS as AUV_DRIVERS
 from auv_sim.surfacing import surfacing_model
 from auv_sim.survey_field import make_field
 from c3_station.c3_agent import mission_order
+from c3_station.operator_desk import OperatorDesk
 from c3_station.radio_checks import radio_problems
 from c3_station.radio_timing import hearing_s
 from c3_station.scenario import C3, RESERVED_NAMES, UAV, Limits, Scenario
@@ -204,10 +205,26 @@ def _unknown_parts(scenario: Scenario) -> Iterator[Problem]:
         path: KeyPath = ('auvs', index)
         yield from _unknown_driver((*path, 'driver'), AUV_DRIVERS, auv.driver)
         yield from _refusal((*path, 'surfacing'), partial(surfacing_model, _json(auv.surfacing)))
-    for index, scheduled in enumerate(scenario.operator):
-        path = ('operator', index, 'command')
-        yield from _refusal(path, partial(operator_command, scheduled.command))
     yield from _refusal(('field',), partial(make_field, _json(scenario.field), scenario.region))
+    yield from _commands(scenario)
+
+
+def _commands(scenario: Scenario) -> Iterator[Problem]:
+    """Give the operator's commands to a desk as C3 has one: it says now what it would say then."""
+    desk, before_s = OperatorDesk(scenario), 0.0
+    for index, scheduled in enumerate(scenario.operator):
+        if scheduled.at_s < before_s:
+            yield Problem(
+                ('operator', index, 'at_s'),
+                f'is {scheduled.at_s:g}; allowed: at least that of the one before, {before_s:g}',
+            )
+        before_s = scheduled.at_s
+        try:
+            problem = desk.take(operator_command(scheduled.command))
+        except ValueError as error:
+            problem = f'{error}'
+        if problem:
+            yield Problem(('operator', index, 'command'), f'cannot be taken: {problem}')
 
 
 def _unknown_driver(path: KeyPath, group: str, name: str) -> Iterator[Problem]:

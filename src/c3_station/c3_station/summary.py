@@ -491,7 +491,7 @@ class _Figures:
             delivered_s=self._delivered_s(scenario),
             mission_s=self.completed_s,
             cells_total=len(cells) if scenario else None,
-            cells_explored=len(first_entered_s),
+            cells_explored=len(cells & first_entered_s.keys() if scenario else first_entered_s),
             moves_total=len(moves),
             revisits=len(moves) - len({move.cell for move in moves} - self._start_cells()),
             sorties=sorties,
@@ -594,7 +594,8 @@ class _Figures:
         return tuple(sorties)
 
     def _delivered_s(self, scenario: Scenario | None) -> float | None:
-        cells_delivered = max((event.cells_delivered for _, event in self.deliveries), default=0)
+        # The last count: before the operator took cells out of the region it may have been higher.
+        cells_delivered = self.deliveries[-1][1].cells_delivered if self.deliveries else 0
         if scenario is None or cells_delivered < len(self._cells(scenario)):
             return None
         missing = self._samples_missing()

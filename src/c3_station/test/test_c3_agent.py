@@ -645,7 +645,13 @@ reports = st.builds(
 answers = st.builds(
     Acknowledgement, acknowledges=st.sampled_from(Acknowledged), reference=st.integers(0, 3)
 )
-refusals = st.builds(DirectiveRefused, revision=few, problem=st.just('too short'))
+refusals = st.builds(
+    DirectiveRefused,
+    revision=few,
+    problem=st.just('too short'),
+    sortie_limit_s=st.sampled_from([40.0, 80.0]),
+    masked=st.sampled_from([(), ((2, 1),)]),
+)
 commands = st.builds(Recall, auvs=some) | st.sampled_from([Pause(), Resume(), Abort(), Reset()])
 commands |= st.builds(ChangeLimit, sortie_limit_s=st.sampled_from([40.0, 80.0]))
 heard = reports | batches | answers | refusals | commands

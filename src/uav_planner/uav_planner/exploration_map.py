@@ -37,7 +37,7 @@ class ExplorationMap:
     taken back where the report says that the cell was not reached. The map counts entries and
     derives each value from its count: a value is always ``2 ** -entries``, whatever the order of
     calls, and a confirmed cell has at least one entry. A call that would break this is refused
-    as a whole and changes nothing. A masked cell is worth 0 for ever.
+    as a whole and changes nothing. A masked cell is worth 0; what is known of it is kept.
 
     Parameters
     ----------

@@ -106,6 +106,8 @@ class Fleet:
     def __init__(self, order: MissionOrder, mission: MissionSpec, planner: Planner) -> None:
         self.names = frozenset(auv.name for auv in order.auvs)
         self.mission = mission
+        self.ordered_region = order.region
+        """Samples may be of any of its cells, whatever the operator has masked since."""
         self._planner = planner
         self._lost_after_sorties = order.lost_after_sorties
         self._patience_s = max(HAND_OVER_TICKS * mission.tick_s, mission.handover_s)
@@ -141,7 +143,7 @@ class Fleet:
     # --- what the operator wants -----------------------------------------------------------------
 
     def direct(self, directive: Directive) -> None:
-        """Fly as the operator wants from now on; see `mission_order.problem_with_directive`."""
+        """Fly as the operator wants from now on; what can be flown is in `directives`."""
         grid = msgspec.structs.replace(self.mission.grid, masked=directive.masked)
         if grid != self.mission.grid:
             self._map = self._map.of_region(grid)
@@ -170,17 +172,28 @@ class Fleet:
     def survey_legs(self, to_meet: Container[str] = ()) -> tuple[SurveyLeg, ...]:
         """Return the legs of all who survey, some of whom a sortie is still to meet."""
         return tuple(
-            SurveyLeg(
-                auv=name,
-                path=auv.leg.path,
-                surface_deadline_s=auv.leg.surface_deadline_s,
-                behind=auv.behind,
-                search=auv.search,
-                prospect=self._prospect(name, to_meet),
-                speed_mps=auv.speed_mps,
-            )
+            self._survey_leg(name, to_meet)
             for name, auv in self._auvs.items()
             if not (auv.recovered or auv.lost)
+        )
+
+    @property
+    def legs_out(self) -> tuple[SurveyLeg, ...]:
+        """Return the legs of all who were not told to stay up; the lost may be heard again."""
+        return tuple(
+            self._survey_leg(name, ()) for name, auv in self._auvs.items() if not auv.recovered
+        )
+
+    def _survey_leg(self, name: str, to_meet: Container[str]) -> SurveyLeg:
+        auv = self._auvs[name]
+        return SurveyLeg(
+            auv=name,
+            path=auv.leg.path,
+            surface_deadline_s=auv.leg.surface_deadline_s,
+            behind=auv.behind,
+            search=auv.search,
+            prospect=self._prospect(name, to_meet),
+            speed_mps=auv.speed_mps,
         )
 
     def _prospect(self, name: str, to_meet: Container[str]) -> Prospect:
@@ -259,7 +272,7 @@ class Fleet:
         unanswered = self.hand_over(report)
         if unanswered is not None:
             return unanswered.problem_with(report)
-        return problem_with_report(report, self._auvs[report.auv].leg, self.mission.grid)
+        return problem_with_report(report, self._auvs[report.auv].leg, self.ordered_region)
 
     def meet(
         self, report: SurfacingReport, to_meet: Container[str], position: Point, now_s: float
@@ -277,8 +290,9 @@ class Fleet:
         if unanswered is None:
             self._note_visits(auv, report)
         plan = unanswered.plan if unanswered else None
-        # The same path again, unless the others were given theirs without a thought of it.
-        if plan is None or was_astray:
+        # The same path again, unless the others were given theirs without a thought of it, or it
+        # is to have none.
+        if plan is None or was_astray or report.auv in self._recalled:
             self._release(auv)
             plan = self._plan_path(report, to_meet, position, now_s)
         self._begin_hand_over(report, plan, self._reason_to_recover(report), now_s)

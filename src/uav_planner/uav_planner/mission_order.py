@@ -1,24 +1,15 @@
-"""
-The mission order as the UAV takes it: is it a mission, and what does it mean for planners.
-
-And what the operator wants beside it: can it be flown.
-"""
+"""The mission order as the UAV takes it: is it a mission, and what does it mean for planners."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from msgspec import structs
-
 from msgs_json.geometry import mask_problems, path_problem, unreachable_cells, whole_ticks
 from uav_planner.planning import MissionSpec
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
-
-    from msgs_json.messages import Directive, MissionOrder
-    from uav_planner.planning import SurveyLeg
+    from msgs_json.messages import MissionOrder
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -93,39 +84,3 @@ def mission_spec(order: MissionOrder, setup: UavSetup) -> MissionSpec:
         handover_s=order.handover_s,
         surface_margin_s=order.surface_margin_s,
     )
-
-
-def problem_with_directive(
-    directive: Directive, order: MissionOrder, legs: Iterable[SurveyLeg]
-) -> str | None:
-    """
-    Return why a directive names what is not in the mission, or cannot be in it now, or None.
-
-    Parameters
-    ----------
-    directive
-        What the operator wants.
-    order
-        The mission as it was ordered.
-    legs
-        Those of all AUVs that survey.
-
-    """
-    unknown = {*directive.recalled} - {auv.name for auv in order.auvs}
-    if unknown:
-        return f'recalled names {", ".join(sorted(unknown))}, not in this mission'
-    region = structs.replace(order.region, masked=directive.masked)
-    for index, mask_problem in mask_problems(region):
-        return f'masked[{index}] {mask_problem}'
-    if not {*order.region.masked} <= {*directive.masked}:
-        return 'masked leaves out cells that are masked in the order; AUVs go nowhere else'
-    legs = tuple(legs)
-    for leg in legs:
-        for cell in leg.track:
-            problem = region.problem_with(cell)
-            if problem:
-                return f'{leg.auv} is on its way there, and hears of it when it is met: {problem}'
-    unreachable = unreachable_cells(region, (leg.path[-1] for leg in legs))
-    if legs and unreachable:
-        return f'no AUV could reach {len(unreachable)} cells, {list(unreachable[0])} first'
-    return None

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import msgspec
@@ -39,17 +39,17 @@ from msgs_json.messages import (
 )
 from msgs_json.ros_messages import TrackPath
 from msgs_json.topics import ODOM, ROUTE
+from uav_planner.directives import (
+    problem_with_guarantee,
+    problem_with_limit,
+    problem_with_region,
+)
 from uav_planner.fleet import Fleet, FleetMemory
 from uav_planner.hand_over import HandOver, problem_with_samples
 from uav_planner.headway import Headway
-from uav_planner.mission_order import (
-    UavSetup,
-    mission_spec,
-    problem_with_directive,
-    problem_with_order,
-)
+from uav_planner.mission_order import UavSetup, mission_spec, problem_with_order
 from uav_planner.planning import MissionSpec, Planner, Prospect, SortiePlan
-from uav_planner.sortie import Route, round_ticks, search_times_s, worst_case_s
+from uav_planner.sortie import Route, search_times_s, worst_case_s
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -72,6 +72,10 @@ class _Sortie:
     plan: SortiePlan
     order: tuple[str, ...]
     """The AUVs that it goes to."""
+    overlooked: frozenset[str]
+    """AUVs that the one before did not reach."""
+    ready_s: float
+    """When it may leave as far as the one before is concerned."""
     departed_s: float | None = None
     cursor: int = 0
     """Index of the waypoint flown to; past the last one it is C3."""
@@ -93,6 +97,8 @@ class _Sortie:
             predicted_s=self.plan.predicted_s,
             worst_case_s=self.plan.worst_case_s,
             order=self.order,
+            overlooked=tuple(self.overlooked),
+            ready_s=self.ready_s,
             departed_s=self.departed_s,
             cursor=self.cursor,
             listens_from_s=self.listens_from_s,
@@ -149,6 +155,8 @@ class _SortieMemory(msgspec.Struct, frozen=True, kw_only=True):
     predicted_s: float
     worst_case_s: float
     order: tuple[str, ...]
+    overlooked: tuple[str, ...]
+    ready_s: float
     departed_s: float | None
     cursor: int
     listens_from_s: float | None
@@ -168,6 +176,8 @@ class _SortieMemory(msgspec.Struct, frozen=True, kw_only=True):
                 worst_case_s=self.worst_case_s,
             ),
             order=self.order,
+            overlooked=frozenset(self.overlooked),
+            ready_s=self.ready_s,
             departed_s=self.departed_s,
             cursor=self.cursor,
             listens_from_s=self.listens_from_s,
@@ -177,11 +187,19 @@ class _SortieMemory(msgspec.Struct, frozen=True, kw_only=True):
         )
 
 
+class _Taken(msgspec.Struct, frozen=True, kw_only=True):
+    """A directive by which the UAV flies, and why it is not all that the operator wanted."""
+
+    directive: Directive
+    problem: str | None
+
+
 class _FlightMemory(msgspec.Struct, frozen=True, kw_only=True):
     """What the UAV must still know of its flight after its process died."""
 
     sortie: _SortieMemory | None
     heard: dict[str, tuple[float, SurfacingReport]]
+    is_called_home: bool
     plans_ahead_from_s: float | None
     finished: bool
     known_difference_m: float
@@ -217,8 +235,10 @@ class UavAgent:
         self._position: Point | None = None
         self._fleet: Fleet | None = None
         """None before the order."""
-        self._directive: Directive | None = None
+        self._taken: _Taken | None = None
         """What the operator wants beside the order, if anything."""
+        self._is_called_home = False
+        """Whether an abort was heard in the air, where no directive is taken."""
         self._sortie: _Sortie | None = None
         """The one being flown, or waiting at C3 for its departure."""
         self._look_ahead: Iterator[float] = iter(())
@@ -268,6 +288,7 @@ class UavAgent:
             flight = _FlightMemory(
                 sortie=self._sortie.memory() if self._sortie is not None else None,
                 heard=self._heard,
+                is_called_home=self._is_called_home,
                 plans_ahead_from_s=self._plans_ahead_from_s,
                 finished=self.finished,
                 known_difference_m=self._headway.known_m,
@@ -284,9 +305,9 @@ class UavAgent:
             return
         setup = self._setup
         self._fleet = Fleet(order, mission_spec(order, setup), self._planner)
-        self._directive = self._store.load(_DIRECTIVE, Directive).get('')
-        if self._directive is not None:
-            self._fleet.direct(self._directive)
+        self._taken = self._store.load(_DIRECTIVE, _Taken).get('')
+        if self._taken is not None:
+            self._fleet.direct(self._taken.directive)
         self._fleet.recall(self._store.load(_FLEET, FleetMemory)[''])
         flight = self._store.load(_FLIGHT, _FlightMemory)['']
         self._sortie = flight.sortie.sortie(self._fleet) if flight.sortie is not None else None
@@ -298,6 +319,7 @@ class UavAgent:
         self._undelivered = deque(sorted(reports, key=lambda report: report.sortie))
         self.peers = frozenset({setup.c3, *self._fleet.names})
         self._heard = flight.heard
+        self._is_called_home = flight.is_called_home
         self._now_s = self._store.load(_TICK, float)['']
         if flight.plans_ahead_from_s is not None:
             self._plan_ahead(self._fleet, flight.plans_ahead_from_s)
@@ -373,7 +395,7 @@ class UavAgent:
             return [Refuse(self._setup.c3, Refusal.CONTRADICTORY, problem)]
         fleet = Fleet(order, mission_spec(order, self._setup), self._planner)
         try:
-            self._sortie = self._plan_sortie(fleet, overlooked=frozenset())
+            self._sortie = self._plan_sortie(fleet, 1, frozenset(), self._now_s)
         except ValueError as error:
             return [Refuse(self._setup.c3, Refusal.NOT_POSSIBLE, str(error))]
         self._fleet, self._is_changed = fleet, True
@@ -391,71 +413,111 @@ class UavAgent:
 
     @property
     def _may_depart(self) -> bool:
-        wanted = self._directive
-        return wanted is None or not (wanted.paused or wanted.aborted)
+        if self._taken is None:
+            return not self._is_called_home
+        wanted = self._taken.directive
+        return not (wanted.paused or wanted.aborted or self._is_called_home)
 
     def _directed(self, directive: Directive, fleet: Fleet) -> list[Output]:
-        """
-        Fly by a directive from now on; in the air only an abort counts.
-
-        What else it says is taken up when it comes again on the ground.
-        """
-        sortie, c3 = self._sortie, self._setup.c3
+        """Fly by a directive from now on; C3 repeats it until it is told what became of it."""
+        sortie, taken = self._sortie, self._taken
+        if taken is not None and directive.revision <= taken.directive.revision:
+            is_late = directive.revision < taken.directive.revision
+            return [] if is_late else [self._answer_to_directive(taken)]
         if sortie is not None and sortie.departed_s is not None:
-            return self._break_off(sortie) if directive.aborted and not sortie.goes_home else []
-        acknowledgement = Transmit(
-            c3,
-            Acknowledgement(acknowledges=Acknowledged.DIRECTIVE, reference=directive.revision),
-        )
-        if self._directive is not None and directive.revision <= self._directive.revision:
-            return [acknowledgement]  # repeated by C3: it missed our answer
-        problem = self._problem_with(directive, fleet)
-        if problem:
-            return [Transmit(c3, DirectiveRefused(revision=directive.revision, problem=problem))]
-        fleet.direct(directive)
-        self._directive = directive
-        self._store.put(_DIRECTIVE, '', directive)
+            return self._call_home(sortie) if directive.aborted else []
+        self._taken = taken = self._flyable(directive, fleet)
+        self._is_called_home, self._is_changed = False, True
+        fleet.direct(taken.directive)
+        self._store.put(_DIRECTIVE, '', taken)
         if sortie is not None:
             self._plan_anew(sortie)
-        return [acknowledgement, Log(DirectiveTaken(directive=directive), self._now_s)]
+        if self._plans_ahead_from_s is not None:
+            self._plan_ahead(fleet, self._now_s)
+        logged = Log(DirectiveTaken(directive=taken.directive), self._now_s)
+        return [self._answer_to_directive(taken), logged]
 
-    def _problem_with(self, directive: Directive, fleet: Fleet) -> str | None:
-        """Return why a directive cannot be flown, on the ground, or None."""
-        order = self._store.load(_ORDER, MissionOrder)['']
-        problem = problem_with_directive(directive, order, fleet.survey_legs())
+    def _call_home(self, sortie: _Sortie) -> list[Output]:
+        """Take an abort in the air; all else that a directive says has time until the landing."""
+        if self._is_called_home:
+            return []
+        self._is_called_home, self._is_changed = True, True
+        return [] if sortie.goes_home else self._turn_home(sortie)
+
+    def _answer_to_directive(self, taken: _Taken) -> Transmit:
+        directive = taken.directive
+        if taken.problem is None:
+            answer: Message = Acknowledgement(
+                acknowledges=Acknowledged.DIRECTIVE, reference=directive.revision
+            )
+        else:
+            answer = DirectiveRefused(
+                revision=directive.revision,
+                problem=taken.problem,
+                sortie_limit_s=directive.sortie_limit_s,
+                masked=directive.masked,
+            )
+        return Transmit(self._setup.c3, answer)
+
+    def _flyable(self, directive: Directive, fleet: Fleet) -> _Taken:
+        """Return a directive with the limit and the region as they are, if they must stay so."""
+        mission = fleet.mission
+        surveyors = {leg.auv for leg in fleet.survey_legs()} - {*directive.recalled}
+        problems = []
+        if directive.sortie_limit_s != mission.sortie_limit_s:
+            problem = self._problem_with_limit(directive.sortie_limit_s, fleet)
+            if problem:
+                problems.append(f'{problem}; it stays {mission.sortie_limit_s:g}')
+                directive = msgspec.structs.replace(
+                    directive, sortie_limit_s=mission.sortie_limit_s
+                )
+        if directive.masked != mission.grid.masked:
+            problem = problem_with_region(
+                directive.masked, fleet.ordered_region, fleet.legs_out, surveyors
+            )
+            if problem:
+                problems.append(f'{problem}; the region stays as it is')
+                directive = msgspec.structs.replace(directive, masked=mission.grid.masked)
+        return _Taken(directive=directive, problem='. '.join(problems) or None)
+
+    def _problem_with_limit(self, limit_s: float, fleet: Fleet) -> str | None:
+        problem = problem_with_limit(limit_s, fleet.mission)
         if problem or self._sortie is None or not self._planner.guarantees_limit:
             return problem
-        mission = fleet.mission
-        needed_s = round_ticks(mission, self._sortie.plan.route) * mission.tick_s
-        if is_before(directive.sortie_limit_s, needed_s):
-            return (
-                f'sortie_limit_s is {directive.sortie_limit_s:g}; allowed: at least {needed_s:g},'
-                ' which the next sortie takes at worst'
-            )
-        return None
+        route, legs = self._sortie.plan.route, fleet.survey_legs()
+        return problem_with_guarantee(limit_s, fleet.mission, route, legs)
 
     # --- the sortie ------------------------------------------------------------------------------
 
-    def _plan_anew(self, sortie: _Sortie) -> None:
-        """Plan a sortie again that has not departed."""
-        self._sortie, self._is_changed = None, True
-        plan = self._plan_sortie(sortie.fleet, overlooked=frozenset())
-        self._sortie = replace(plan, number=sortie.number) if plan is not None else None
-
-    def _plan_sortie(self, fleet: Fleet, overlooked: frozenset[str]) -> _Sortie | None:
-        """Return the sortie after the present one; None where nobody is left to be met."""
-        legs, before, now_s = fleet.survey_legs(), self._sortie, self._now_s
+    def _next_sortie(self, before: _Sortie, overlooked: frozenset[str]) -> _Sortie | None:
+        """Return the sortie after one that is over; None where nobody is left to be met."""
+        fleet, ready_s = before.fleet, self._now_s
+        legs = fleet.survey_legs()
         if not legs:
             return None
-        if before is not None and all(leg.prospect is Prospect.ASTRAY for leg in legs):
+        if all(leg.prospect is Prospect.ASTRAY for leg in legs):
             # To search them again at once would tell nothing new, and soon give them up.
-            now_s = max(now_s, before.back_by_s)
-        plan = fleet.plan_sortie(overlooked, now_s)
+            ready_s = max(ready_s, before.back_by_s)
+        return self._plan_sortie(fleet, before.number + 1, overlooked, ready_s)
+
+    def _plan_anew(self, sortie: _Sortie) -> None:
+        """Plan a sortie again that has not departed."""
+        self._is_changed = True
+        self._sortie = self._plan_sortie(
+            sortie.fleet, sortie.number, sortie.overlooked, sortie.ready_s
+        )
+
+    def _plan_sortie(
+        self, fleet: Fleet, number: int, overlooked: frozenset[str], ready_s: float
+    ) -> _Sortie:
+        plan = fleet.plan_sortie(overlooked, max(ready_s, self._now_s))
         return _Sortie(
             fleet=fleet,
-            number=before.number + 1 if before is not None else 1,
+            number=number,
             plan=plan,
             order=tuple(dict.fromkeys(waypoint.auv for waypoint in plan.route)),
+            overlooked=overlooked,
+            ready_s=ready_s,
         )
 
     def _decide(self) -> list[Output]:
@@ -504,7 +566,9 @@ class UavAgent:
 
     def _awaits_answer(self, sortie: _Sortie, position: Point) -> bool:
         """Return whether the UAV stays where it is, to be heard by an AUV and to hear it."""
-        if sortie.not_reached or not sortie.fleet.is_awaiting(sortie.met, self._now_s):
+        if sortie.not_reached or self._is_called_home:
+            return False
+        if not sortie.fleet.is_awaiting(sortie.met, self._now_s):
             return False
         if not self._planner.guarantees_limit:
             return True
@@ -514,12 +578,16 @@ class UavAgent:
         back_s = max(back_s, self._home_s(mission, position, later_s))
         return not is_before(sortie.back_by_s, back_s)
 
-    def _break_off(self, sortie: _Sortie) -> list[Output]:
+    def _turn_home(self, sortie: _Sortie) -> list[Output]:
         self._is_changed = True
         sortie.not_reached = tuple(dict.fromkeys(waypoint.auv for waypoint in sortie.rest))
         sortie.cursor = len(sortie.plan.route)
         broken_off = SearchBrokenOff(sortie=sortie.number, not_reached=sortie.not_reached)
-        output: list[Output] = [Log(broken_off, self._now_s)]
+        return [Log(broken_off, self._now_s)]
+
+    def _break_off(self, sortie: _Sortie) -> list[Output]:
+        """Turn home to keep L."""
+        output = self._turn_home(sortie)
         if not (sortie.met or sortie.missed):
             # All of a sortie was not enough for it: one that is always out of reach is lost, too.
             output += self._searched_in_vain(sortie, sortie.not_reached[0])
@@ -606,7 +674,7 @@ class UavAgent:
             return []
         searched = sortie.met.keys() | sortie.missed
         overlooked = tuple(leg.auv for leg in fleet.survey_legs() if leg.auv not in searched)
-        self._sortie = self._plan_sortie(fleet, frozenset(overlooked))
+        self._sortie = self._next_sortie(sortie, frozenset(overlooked))
         self._is_changed = True
         report = SortieReport(
             sortie=sortie.number,
@@ -688,12 +756,12 @@ class UavAgent:
         """Go on with the hand-over to an AUV that was met and is still there."""
         if fleet.hand_over(report) is None:
             return []
-        if not problem_with_samples(report.samples, report.auv, fleet.mission.grid):
+        if not problem_with_samples(report.samples, report.auv, fleet.ordered_region):
             self._custody.take(report.samples)
         return self._answer(fleet, report.auv)
 
     def _take_samples(self, fleet: Fleet, auv: str, batch: SampleBatch) -> list[Output]:
-        problem = problem_with_samples(batch.samples, auv, fleet.mission.grid)
+        problem = problem_with_samples(batch.samples, auv, fleet.ordered_region)
         if problem:
             return [Refuse(auv, Refusal.CONTRADICTORY, problem)]
         self._custody.take(batch.samples)
@@ -743,7 +811,7 @@ class UavAgent:
         else:
             position = self._position or fleet.mission.c3
             encounter = fleet.meet(report, sortie.to_meet, position, self._now_s)
-        if not problem_with_samples(report.samples, auv, fleet.mission.grid):
+        if not problem_with_samples(report.samples, auv, fleet.ordered_region):
             self._custody.take(report.samples)
         if sortie.departed_s is None:
             output += self._depart(sortie, met=(auv,))
