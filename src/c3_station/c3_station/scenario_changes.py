@@ -51,10 +51,26 @@ class Change(msgspec.Struct, frozen=True, kw_only=True):
 
     def __str__(self) -> str:
         """Return the change as it is typed."""
-        listed = yaml.safe_dump(
-            [self.value], default_flow_style=True, sort_keys=False, width=float('inf')
+        listed = yaml.dump(
+            [self.value],
+            Dumper=_OneLineDumper,
+            default_flow_style=True,
+            sort_keys=False,
+            width=float('inf'),
         )
         return f'{self.key}={listed.strip()[1:-1]}'
+
+
+class _OneLineDumper(yaml.SafeDumper):
+    """Writes text with line breaks in it on one line, too."""
+
+
+_OneLineDumper.add_representer(
+    str,
+    lambda dumper, text: dumper.represent_scalar(
+        'tag:yaml.org,2002:str', text, style=None if text.isprintable() else '"'
+    ),
+)
 
 
 def read_change(text: str) -> Change:
