@@ -16,10 +16,14 @@ nothing but radio envelopes, so nothing else that was signed can be taken for on
 
 from __future__ import annotations
 
+import hashlib
 import hmac
 
 KEY_MIN_BYTES = 32
 """As long as the tag (RFC 2104, section 3); a shorter key would be the weaker part."""
+
+_BLOCK_BYTES = 64
+"""Of SHA-256."""
 
 _NULL = b'null}'
 _UNSIGNED_END = b',"auth":' + _NULL
@@ -42,13 +46,17 @@ class Authenticator:
 
     """
 
-    __slots__ = ('_keyed',)
+    __slots__ = ('_inner', '_outer')
 
     def __init__(self, key: bytes) -> None:
         if len(key) < KEY_MIN_BYTES:
             raise ValueError(f'the key has {len(key)} bytes; allowed: at least {KEY_MIN_BYTES}')
-        # A copy of it has the key in already, which takes longer than all the rest of a message.
-        self._keyed = hmac.new(key, digestmod='sha256')
+        # RFC 2104, section 4: hash states with the padded key in, to be copied for each message.
+        # The module hmac takes three times as long, which is what a flood of forgeries costs.
+        block = hashlib.sha256(key).digest() if len(key) > _BLOCK_BYTES else key
+        padded = block.ljust(_BLOCK_BYTES, b'\0')
+        self._inner = hashlib.sha256(bytes(byte ^ 0x36 for byte in padded))
+        self._outer = hashlib.sha256(bytes(byte ^ 0x5C for byte in padded))
 
     def sign(self, payload: bytes) -> bytes:
         """
@@ -77,6 +85,7 @@ class Authenticator:
 
     def _tag(self, unsigned: bytes) -> bytes:
         """Return what stands in a signed envelope where ``null}`` stands in an unsigned one."""
-        code = self._keyed.copy()
-        code.update(unsigned)
-        return b'"%b"}' % code.hexdigest().encode()
+        inner, outer = self._inner.copy(), self._outer.copy()
+        inner.update(unsigned)
+        outer.update(inner.digest())
+        return b'"%b"}' % outer.hexdigest().encode()
