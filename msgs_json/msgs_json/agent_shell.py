@@ -105,10 +105,6 @@ class Speaker:
             payload = self._authenticator.sign(payload)
         return Frame(topic, Text(payload))
 
-    def take_back(self, topic: Topic) -> None:
-        """Count the last frame of a topic as not made: it is not going to be published."""
-        self._seq[topic.name] -= 1
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AgentSetting:
@@ -233,8 +229,10 @@ class AgentShell:
     def tick(self, now_s: float) -> list[Frame]:
         """Tick the agent."""
         self._heard.clear()
+        frames = self._stored(self.agent.tick(now_s), now_s)
+        # Not before: the vehicle may fail in this tick, and this process may die, too.
         unsaid, self._unsaid = self._unsaid, []
-        return [*unsaid, *self._stored(self.agent.tick(now_s), now_s)]
+        return [*unsaid, *frames]
 
     def receive(self, data: bytes, now_s: float) -> list[Frame]:
         """Hand the agent what came by radio, if it may be heard."""
@@ -332,7 +330,7 @@ class AgentShell:
             return frames
         unsaid = [
             frame.message.data
-            for frame in frames
+            for frame in (*self._unsaid, *frames)
             if frame.topic is MISSION_EVENTS and isinstance(frame.message, Text)
         ]
         self._store.put(_UNSAID, '', unsaid)
@@ -372,10 +370,11 @@ class AgentShell:
 
     def _by_radio(self, dst: str, body: Message, now_s: float) -> list[Frame]:
         """Return a message as the radio carries it: in one piece, or what is due of its pieces."""
+        next_seq = self.next_seq
         frame = self._speaker.frame(RADIO_TX, body, now_s, dst)
         if isinstance(frame.message, Text) and len(frame.message.data) <= self._frame_bytes:
             return [frame]
-        self._speaker.take_back(RADIO_TX)
+        self._speaker.rewind(RADIO_TX, next_seq)
         schema, encoded = codec.schema_of(body), codec.encode_body(body)
         return [
             self._speaker.frame(RADIO_TX, fragment, now_s, dst)

@@ -11,6 +11,7 @@ from msgs_json.agent import Agent, Log, Output, Publish, Refuse, Transmit
 from msgs_json.agent_shell import AgentSetting, AgentShell, Frame, Speaker, recalled
 from msgs_json.authentication import Authenticator
 from msgs_json.codec import Refusal
+from msgs_json.drivers import VehicleUnavailableError
 from msgs_json.geometry import Point
 from msgs_json.messages import (
     Acknowledged,
@@ -504,6 +505,12 @@ class Diarist(ScriptedAgent):
         super().__init__()
         self._store = store
         self.count = store.load('count', int).get('', 0)
+        self.fails = False
+
+    def tick(self, now_s: float) -> list[Output]:
+        if self.fails:
+            raise VehicleUnavailableError('no position yet')
+        return super().tick(now_s)
 
     def receive(self, src: str, message: Message, now_s: float) -> list[Output]:
         super().receive(src, message, now_s)
@@ -560,6 +567,28 @@ def test_a_process_that_died_again_before_it_spoke_loses_no_log() -> None:
     diarist(store)
     _, shell = diarist(store.reopened())
     assert shell.tick(5.0) == [log]
+
+
+def test_a_process_that_died_again_before_it_spoke_loses_no_log_though_it_stored_more() -> None:
+    store = MemoryStore()
+    _, shell = diarist(store)
+    first, *_ = shell.receive(signed(0), 3.0)
+    _, shell = diarist(store := store.reopened())
+    second, *_ = shell.receive(signed(1), 4.0)  # in real time it may hear something before a tick
+    _, shell = diarist(store.reopened())
+    assert shell.tick(5.0) == [first, second]
+
+
+def test_a_vehicle_that_fails_in_the_first_tick_costs_no_log() -> None:
+    store = MemoryStore()
+    _, shell = diarist(store)
+    log, *_ = shell.receive(signed(0), 3.0)
+    agent, shell = diarist(store.reopened())
+    agent.fails = True
+    with pytest.raises(VehicleUnavailableError):
+        shell.tick(5.0)
+    agent.fails = False
+    assert shell.tick(6.0) == [log]
 
 
 @given(st.lists(st.sampled_from(['hear', 'tick', 'noise', 'crash']), max_size=30))
