@@ -63,16 +63,6 @@ class NumberSet:
         """Return how many numbers from 0 on are in the set without a gap."""
         return self._untils[0] if self._firsts and self._firsts[0] == 0 else 0
 
-    def missing(self, until: int) -> tuple[tuple[int, int], ...]:
-        """Return the spans of numbers below ``until`` that are not in the set."""
-        starts = [0, *self._untils]
-        ends = [*self._firsts, until]
-        return tuple(
-            (start, min(end, until))
-            for start, end in zip(starts, ends, strict=True)
-            if start < min(end, until)
-        )
-
     def __contains__(self, number: int) -> bool:
         at = bisect_right(self._firsts, number)
         return at > 0 and number < self._untils[at - 1]

@@ -37,14 +37,6 @@ def test_holds_what_a_set_holds(added: list[tuple[int, int]]) -> None:
         assert numbers.prefix == min(set(range(UNTIL + 1)) - model)
 
 
-@given(spans, st.integers(0, UNTIL + 2))
-def test_what_is_missing_is_what_is_not_there(added: list[tuple[int, int]], until: int) -> None:
-    missing = NumberSet.from_spans(added).missing(until)
-
-    assert members(missing) == set(range(until)) - members(added)
-    assert NumberSet.from_spans(missing).spans == missing
-
-
 @given(spans)
 def test_spans_are_apart_and_ascending_and_give_the_set_back(added: list[tuple[int, int]]) -> None:
     numbers = NumberSet.from_spans(added)
