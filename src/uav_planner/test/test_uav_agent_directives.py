@@ -46,6 +46,7 @@ from uav_planner.planners.robust import RobustPlanner
 if TYPE_CHECKING:
     from msgs_json.agent import Output
     from msgs_json.messages import MissionOrder
+    from uav_planner.planning import SortiePlan, SortieRequest
 
 ORDERED = Directive(
     revision=0, paused=False, aborted=False, recalled=(), sortie_limit_s=100.0, masked=()
@@ -206,6 +207,25 @@ def test_a_region_must_be_one_that_can_be_surveyed(
     said_of_it = problem_with_region(masked, ordered, [leg], surveyors)
     assert (said_of_it or '').startswith(problem or '')
     assert (said_of_it is None) == (problem is None)
+
+
+class NoWayAround(OneStep):
+    """Cannot plan where anything is masked."""
+
+    def plan_sortie(self, request: SortieRequest) -> SortiePlan:
+        if request.mission.grid.masked:
+            raise ValueError('there is no way around what is masked')
+        return super().plan_sortie(request)
+
+
+def test_a_region_for_which_the_planner_has_no_plan_stays_as_it_was() -> None:
+    bench = Bench(NoWayAround()).ordered()
+    (refused,) = said(bench.hear('c3', wanted(1, masked=((3, 1),), paused=True)), 'c3')
+    assert isinstance(refused, DirectiveRefused)
+    assert refused.masked == ()
+    assert refused.problem.startswith('there is no way around')
+    bench.hear('c3', wanted(2))
+    bench.until(SortieDeparted)
 
 
 # --- in the air ----------------------------------------------------------------------------------

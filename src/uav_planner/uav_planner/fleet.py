@@ -152,6 +152,21 @@ class Fleet:
         self._recalled = frozenset(directive.recalled)
         self.is_changed = True
 
+    def planner_problem(self, masked: tuple[Cell, ...], now_s: float) -> str | None:
+        """Return why the planner cannot plan with these cells masked, or None."""
+        grid = msgspec.structs.replace(self.mission.grid, masked=masked)
+        request = replace(
+            self._sortie_request(frozenset(), now_s),
+            mission=replace(self.mission, grid=grid),
+            values=self._map.of_region(grid).values,
+            tours={},
+        )
+        try:
+            self._planner.plan_sortie(request)
+        except ValueError as error:
+            return str(error)
+        return None
+
     # --- who and where ---------------------------------------------------------------------------
 
     @property

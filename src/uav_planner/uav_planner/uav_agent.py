@@ -475,6 +475,8 @@ class UavAgent:
             problem = problem_with_region(
                 directive.masked, fleet.ordered_region, fleet.legs_out, surveyors
             )
+            if problem is None and self._sortie is not None:
+                problem = fleet.planner_problem(directive.masked, self._now_s)
             if problem:
                 problems.append(f'{problem}; the region stays as it is')
                 directive = msgspec.structs.replace(directive, masked=mission.grid.masked)
