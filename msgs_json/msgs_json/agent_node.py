@@ -140,6 +140,7 @@ class AgentNode(HostedNode):
             ros_s=self.get_clock().now().nanoseconds / NANOSECONDS,
             steady_s=_steady_s(),
             boot_id=_BOOT_ID.read_text().strip(),
+            latest_s=self._agent.latest_s,
         )
         self._work = lambda: self._agent.work(clock.now_s(_steady_s()))
 

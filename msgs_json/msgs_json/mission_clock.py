@@ -39,6 +39,9 @@ class MissionClock:
         The machine's steady clock at the same moment, seconds since any moment of this boot.
     boot_id
         Names the boot.
+    latest_s
+        When anything was stored last, mission time: it never goes back behind that, though a
+        machine without a battery for its clock may boot in the past.
 
     Raises
     ------
@@ -47,10 +50,18 @@ class MissionClock:
 
     """
 
-    def __init__(self, store: Store, *, ros_s: float, steady_s: float, boot_id: str) -> None:
+    def __init__(
+        self,
+        store: Store,
+        *,
+        ros_s: float,
+        steady_s: float,
+        boot_id: str,
+        latest_s: float = 0.0,
+    ) -> None:
         base = store.load(_CLOCK, _Base).get('')
         if base is None or base.boot_id != boot_id:
-            base = _Base(ros_s=ros_s, steady_s=steady_s, boot_id=boot_id)
+            base = _Base(ros_s=max(ros_s, latest_s), steady_s=steady_s, boot_id=boot_id)
             store.put(_CLOCK, '', base)
         self._base = base
 

@@ -7,9 +7,13 @@ from msgs_json.store import MemoryStore
 
 
 def clock(
-    store: MemoryStore, ros_s: float, steady_s: float, boot_id: str = 'first'
+    store: MemoryStore,
+    ros_s: float,
+    steady_s: float,
+    boot_id: str = 'first',
+    latest_s: float = 0.0,
 ) -> MissionClock:
-    return MissionClock(store, ros_s=ros_s, steady_s=steady_s, boot_id=boot_id)
+    return MissionClock(store, ros_s=ros_s, steady_s=steady_s, boot_id=boot_id, latest_s=latest_s)
 
 
 def test_it_begins_with_the_ros_clock_and_goes_on_with_the_steady_one() -> None:
@@ -32,6 +36,14 @@ def test_after_a_boot_the_ros_clock_is_asked_again() -> None:
     store.commit()
     again = clock(store.reopened(), ros_s=1200.0, steady_s=7.0, boot_id='second')
     assert again.now_s(8.0) == 1201.0
+
+
+def test_after_a_boot_in_the_past_time_goes_on_from_where_it_was_last() -> None:
+    store = MemoryStore()
+    clock(store, ros_s=1000.0, steady_s=5000.0)
+    store.commit()
+    again = clock(store.reopened(), ros_s=0.0, steady_s=7.0, boot_id='second', latest_s=1100.0)
+    assert again.now_s(8.0) == 1101.0
 
 
 def test_what_was_not_committed_is_asked_again() -> None:
