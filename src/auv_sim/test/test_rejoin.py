@@ -469,7 +469,7 @@ def test_what_an_auv_said_before_it_died_is_heard_though_it_has_dived_meanwhile(
     assert each.done('auv_1', done(9)) == [('uav', Frame(RADIO_RX, Text(answer)))]
     each.done('uav', done(2, received=1))
     each.begin_tick()
-    for life, name in ((2, 'uav'), (9, 'auv_1')):
+    for name in ('uav', 'auv_1'):
         each.saw(name, odometry(1.0, z_m=-5.0 if name == 'auv_1' else 0.0))
     each.said('auv_1', said('auv_1', 'uav', 1))  # it is under water now
     each.done('auv_1', done(9, tick=1, sent=1))
