@@ -157,6 +157,26 @@ def test_what_did_not_get_across_comes_at_the_next_meeting(guarantees_limit: boo
     assert brought(bench) >= {('auv_1', sample.number) for sample in SAMPLES}
 
 
+@BOTH_KINDS
+def test_data_that_comes_late_is_taken_but_the_path_is_for_the_next_meeting(
+    guarantees_limit: bool,
+) -> None:
+    bench = over_auv_1(Bench(OneStep(guarantees_limit=guarantees_limit)).ordered())
+    bench.hear('auv_1', laden(0, 1, 2))
+    bench.tick(3)
+    _, told = said(bench.hear('auv_1', laden(0, 1, 2)), 'auv_1')  # and does not hear it
+    bench.meet('auv_2')
+    bench.home()
+    (receipt,) = said(bench.hear('auv_1', batch(3, 4)), 'auv_1')
+    assert isinstance(receipt, SampleReceipt)
+    assert receipt.held == (SampleSpan(auv='auv_1', first=3, until=5),)
+    bench.until(SortieDeparted)
+    _, told_again = said(bench.hear('auv_1', laden(*range(5, 8))), 'auv_1')
+    assert isinstance(told, PathAssignment)
+    assert isinstance(told_again, PathAssignment)
+    assert told_again.leg.path == told.leg.path
+
+
 ABORTED = {'outcome': LegOutcome.ABORTED, 'moves_done': 0, 'cell': (1, 0)}
 
 

@@ -744,8 +744,7 @@ class UavAgent:
     def _hear(self, fleet: Fleet, report: SurfacingReport) -> list[Output]:
         sortie, auv = self._sortie, report.auv
         fleet.heard(report)
-        is_recovered = fleet.next_leg(auv) is None
-        if is_recovered or (sortie is not None and auv in sortie.met):
+        if self._is_met(fleet, auv):
             return self._go_on(fleet, report)
         if sortie is None:
             return []
@@ -753,6 +752,11 @@ class UavAgent:
             return self._meet(sortie, report)
         self._heard[auv], self._is_changed = (self._now_s, report), True
         return []
+
+    def _is_met(self, fleet: Fleet, auv: str) -> bool:
+        """Return whether this sortie has met an AUV, or one has told it to stay up."""
+        is_recovered = fleet.next_leg(auv) is None
+        return is_recovered or (self._sortie is not None and auv in self._sortie.met)
 
     def _go_on(self, fleet: Fleet, report: SurfacingReport) -> list[Output]:
         """Go on with the hand-over to an AUV that was met and is still there."""
@@ -767,6 +771,10 @@ class UavAgent:
         if problem:
             return [Refuse(auv, Refusal.CONTRADICTORY, problem)]
         self._custody.take(batch.samples)
+        if not self._is_met(fleet, auv):
+            # It was on the air when that sortie ended: to be told its path now, by a later
+            # deadline than the next one is planned with, it must be met again.
+            return [Transmit(auv, self._custody.receipt(auv))]
         return self._answer(fleet, auv)
 
     def _answer(self, fleet: Fleet, auv: str) -> list[Output]:
