@@ -62,6 +62,11 @@ def samples_per_frame(frame_bytes: int) -> int:
     return (frame_bytes - _OTHER_BYTES) // _SAMPLE_BYTES
 
 
+def sample_spans(auv: str, numbers: NumberSet) -> tuple[SampleSpan, ...]:
+    """Return numbers of samples of an AUV as messages say them."""
+    return tuple(SampleSpan(auv=auv, first=first, until=until) for first, until in numbers.spans)
+
+
 class SampleCustody:
     """
     The samples that an agent keeps until C3 has them, and what the next one on the way holds.
@@ -181,19 +186,17 @@ class SampleCustody:
 
     def receipt(self, auv: str) -> SampleReceipt:
         """Return what an AUV need not say again."""
-        at_c3 = self._at_c3.get(auv)
-        spans = at_c3.spans if at_c3 is not None else ()
         return SampleReceipt(
-            held=tuple(self._held(auv)),
-            at_c3=tuple(SampleSpan(auv=auv, first=first, until=until) for first, until in spans),
+            held=self._held(auv),
+            at_c3=sample_spans(auv, self._at_c3.get(auv, NumberSet())),
         )
 
-    def _held(self, auv: str) -> list[SampleSpan]:
+    def _held(self, auv: str) -> tuple[SampleSpan, ...]:
         numbers = NumberSet()
         for name, number in self._kept:
             if name == auv:
                 numbers.add(number, number + 1)
-        return [SampleSpan(auv=auv, first=first, until=until) for first, until in numbers.spans]
+        return sample_spans(auv, numbers)
 
 
 def _in_order(samples: Iterable[Sample]) -> dict[tuple[str, int], Sample]:

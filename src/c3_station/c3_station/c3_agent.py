@@ -15,6 +15,7 @@ from c3_station.scheduled_commands import operator_command
 from c3_station.software import software_version
 from msgs_json.agent import Log, Output, Publish, Refuse, Transmit
 from msgs_json.codec import Refusal
+from msgs_json.custody import sample_spans
 from msgs_json.geometry import Cell, is_before, path_length_m, surface_deadline_s
 from msgs_json.messages import (
     Acknowledged,
@@ -340,11 +341,7 @@ class C3Agent:
     def _receipt(self, auvs: Iterable[str]) -> SampleReceipt:
         return SampleReceipt(
             held=(),
-            at_c3=tuple(
-                SampleSpan(auv=auv, first=first, until=until)
-                for auv in auvs
-                for first, until in self._numbers[auv].spans
-            ),
+            at_c3=tuple(span for auv in auvs for span in sample_spans(auv, self._numbers[auv])),
         )
 
     def _note_contacts(self, report: SortieReport) -> None:
