@@ -458,7 +458,7 @@ def _bench(options: argparse.Namespace, console: Console) -> ExitCode:
 
 
 def _command_options(parser: argparse.ArgumentParser) -> None:
-    from c3_station.command_command import USAGE
+    from c3_station.operator_words import USAGE
 
     parser.add_argument('run', type=Path, help='folder of a mission that is being flown')
     parser.add_argument('words', nargs='+', metavar='COMMAND', help=USAGE)

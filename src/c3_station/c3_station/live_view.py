@@ -38,7 +38,7 @@ class LiveView:
         """Lay out map and state side by side, the log below."""
         mission = self._mission
         auvs = self._auvs(everything=options.max_width >= _STATE_WIDTH)
-        state = Group(self._clock(), self._uav(), Text(), self._coverage(), Text(), auvs)
+        state = Group(self._clock(), self._uav(), self._operator(), self._coverage(), Text(), auvs)
         show_map = (
             mission.scenario.region.cols <= _MAP_COLS_MAX
             and options.max_width >= 2 * mission.scenario.region.cols + _STATE_WIDTH
@@ -77,6 +77,10 @@ class LiveView:
         sortie = mission.sortie
         if sortie is None:
             doing = 'waiting for the next departure'
+            if mission.directive is not None and mission.directive.aborted:
+                doing = 'aborted until a reset'
+            elif mission.directive is not None and mission.directive.paused:
+                doing = 'paused'
             if mission.planned_share is not None:
                 doing = f'planning ahead {mission.planned_share:.0%}'
             text.append(mission.ended or f'at C3, {doing}')
@@ -91,6 +95,15 @@ class LiveView:
         )
         return text
 
+    def _operator(self) -> Text:
+        """Return what the operator wants beside the order, or an empty line."""
+        wanted = self._mission.operator
+        directive = self._mission.directive
+        if wanted is None or directive is None:
+            return Text()
+        style = 'bold #D55E00' if directive.aborted else '#E69F00'
+        return Text.assemble(('operator   ', 'dim'), (wanted, style), ('\n', ''))
+
     @staticmethod
     def _doing(sortie: SortieView) -> str:
         target = sortie.target()
@@ -98,10 +111,10 @@ class LiveView:
 
     def _coverage(self) -> Table:
         mission = self._mission
-        total = mission.scenario.region.cells_total
+        total = len(mission.cells)
         table = Table.grid(padding=(0, 1))
         for label, cells, colour in (
-            ('entered', len(mission.entered), '#56B4E9'),
+            ('entered', len(mission.cells & mission.entered), '#56B4E9'),
             ('delivered', mission.cells_delivered, '#009E73'),
         ):
             bar = ProgressBar(
@@ -120,7 +133,7 @@ class LiveView:
         table.add_row(
             Text('sorties', 'dim'),
             f'{mission.sorties_flown} flown',
-            f'longest {mission.longest_sortie_s:.0f} of {mission.scenario.sortie.limit_s:.0f} s',
+            f'longest {mission.longest_sortie_s:.0f} of {mission.limit_s:.0f} s',
         )
         return table
 
@@ -134,7 +147,7 @@ class LiveView:
         for number, (name, auv) in enumerate(mission.auvs.items()):
             cells: tuple[Text | str, ...] = (
                 Text(f'{number + 1} {name}', _colour(number)),
-                _state(auv, mission.now_s),
+                _state(auv, mission.now_s, is_recalled=name in mission.recalled),
                 _contact(auv.status),
                 _time(auv.status.next_contact_s if auv.status else None),
                 _time(mission.auv_neglect_s(auv)),
@@ -198,7 +211,7 @@ def _colour(number: int) -> str:
     return _AUV_COLOURS[number % len(_AUV_COLOURS)]
 
 
-def _state(auv: AuvView, now_s: float) -> Text:
+def _state(auv: AuvView, now_s: float, *, is_recalled: bool) -> Text:
     if auv.surfaced_s is not None:
         doing = 'asks for help' if auv.asked_for_help else 'waiting'
         return Text(f'{doing} {auv.waiting_s(now_s):.0f} s', 'bold #E69F00')
@@ -206,7 +219,7 @@ def _state(auv: AuvView, now_s: float) -> Text:
         return Text('up, needs help', '#E69F00')
     if auv.recovered:
         return Text('recovered', '#009E73')
-    return Text('under water', 'dim')
+    return Text('recalled' if is_recalled else 'under water', 'dim')
 
 
 def _contact(status: AuvStatus | None) -> Text:

@@ -6,6 +6,7 @@ from collections import deque
 from dataclasses import dataclass, field
 
 from c3_station.node_params import C3
+from c3_station.operator_words import AS_ORDERED, wishes, words_of
 from c3_station.scenario import Scenario
 from c3_station.summary import Summarizer
 from msgs_json import codec
@@ -14,6 +15,10 @@ from msgs_json.geometry import Cell, Point
 from msgs_json.messages import (
     AuvStatus,
     CellEntered,
+    CommandRefused,
+    CommandTaken,
+    Directive,
+    DirectiveTaken,
     Dived,
     Event,
     GivenUp,
@@ -33,6 +38,8 @@ from msgs_json.messages import (
     SortieDeparted,
     SortieReturned,
     StayedUp,
+    StorageFailed,
+    StorageRestored,
     Surfaced,
 )
 from msgs_json.ros_messages import ClockTime, Odometry, RosMessage, Text
@@ -99,6 +106,12 @@ class MissionMonitor:
             for auv in scenario.auvs
         }
         self.entered: set[Cell] = set()
+        self.cells = frozenset(scenario.region.cells)
+        """Those to be surveyed, as the UAV knows."""
+        self.directive: Directive | None = None
+        """What the operator wants, as C3 shows it."""
+        self.directive_taken = 0
+        """Revision of the one by which the UAV flies."""
         self.explored_s: float | None = None
         self.cells_delivered = 0
         self.planned_share: float | None = None
@@ -144,7 +157,10 @@ class MissionMonitor:
     def _status(self) -> None:
         """Take what C3 shows of the AUVs of this mission."""
         status = self.summarizer.status
-        for auv in status.auvs if status else ():
+        if status is None:
+            return
+        self.directive, self.directive_taken = status.directive, status.directive_taken
+        for auv in status.auvs:
             if auv.name in self.auvs:
                 self.auvs[auv.name].status = auv
 
@@ -167,6 +183,30 @@ class MissionMonitor:
         """Note what the orchestrator did."""
         self.log.append((self.now_s, 'orchestrator', text))
         self.notes.append(text)
+
+    @property
+    def operator(self) -> str | None:
+        """Return what the operator wants beside the order; None where nothing is to be said."""
+        directive = self.directive
+        if directive is None:
+            return None
+        is_taken = self.directive_taken == directive.revision
+        wanted = wishes(directive, self.scenario)
+        if is_taken:
+            return None if wanted == AS_ORDERED else wanted
+        return f'{wanted}; the UAV has not heard of it'
+
+    @property
+    def recalled(self) -> tuple[str, ...]:
+        """Return the AUVs that the operator wants back."""
+        return self.directive.recalled if self.directive is not None else ()
+
+    @property
+    def limit_s(self) -> float:
+        """Return L as the operator wants it."""
+        if self.directive is not None:
+            return self.directive.sortie_limit_s
+        return self.scenario.sortie.limit_s
 
     @property
     def refused(self) -> int:
@@ -215,7 +255,9 @@ class MissionMonitor:
                 return f'{name} not heard on its path'
             case SearchBrokenOff(not_reached=names):
                 self._done_with(*names)
-                return f'turns home to keep its limit, not reached: {", ".join(names)}'
+                is_aborted = self.directive is not None and self.directive.aborted
+                why = 'by the abort' if is_aborted else 'to keep its limit'
+                return f'turns home {why}, not reached: {", ".join(names) or "-"}'
             case GivenUp(auv=name):
                 return f'{name} given up for lost, its cells go to the others'
             case HeardAgain(auv=name):
@@ -232,7 +274,22 @@ class MissionMonitor:
                 self._relieve(auv, stamp_s)
                 auv.recovered = True
                 auv.asked_for_help |= reason is RecoveryReason.ABORTED
-                return 'stays up for recovery'
+                is_recalled = reason is RecoveryReason.RECALLED
+                return 'recalled, stays up' if is_recalled else 'stays up for recovery'
+            case CommandTaken(command=command):
+                return f'takes from the operator: {words_of(command)}'
+            case CommandRefused(command=None, problem=problem):
+                return f'the UAV cannot fly so: {problem}'
+            case CommandRefused(command=command, problem=problem) if command is not None:
+                return f'refuses "{words_of(command)}": {problem}'
+            case DirectiveTaken(directive=directive):
+                self.cells = frozenset(self.scenario.region.cells) - frozenset(directive.masked)
+                self._look_whether_explored(stamp_s)
+                return f'flies as the operator wants: {wishes(directive, self.scenario)}'
+            case StorageFailed(problem=problem):
+                return f'cannot store what it learns, and is silent: {problem}'
+            case StorageRestored():
+                return 'stores again what it learns, and speaks'
             case MissionCompleted(lost=names):
                 self.ended = 'completed' + (f' without {", ".join(names)}' if names else '')
                 return f'mission {self.ended}'
@@ -255,12 +312,19 @@ class MissionMonitor:
             auv.cells_entered += 1
         auv.position = self.scenario.region.centre(event.cell)
         self.entered.add(event.cell)
-        if self.explored_s is None and len(self.entered) == self.scenario.region.cells_total:
-            self.explored_s = stamp_s
-            for waiting in self.auvs.values():
-                waiting.neglect_s += waiting.waiting_s(stamp_s)
-            return f'region explored at {stamp_s:.0f} s'
-        return None
+        return self._look_whether_explored(stamp_s)
+
+    def _look_whether_explored(self, stamp_s: float) -> str | None:
+        """Note that all cells are entered, or not any more if the operator wants others."""
+        if not self.cells <= self.entered:
+            self.explored_s = None
+            return None
+        if self.explored_s is not None:
+            return None
+        for waiting in self.auvs.values():
+            waiting.neglect_s += waiting.waiting_s(stamp_s)
+        self.explored_s = stamp_s
+        return f'region explored at {stamp_s:.0f} s'
 
     def _done_with(self, *names: str) -> None:
         if self.sortie is not None:

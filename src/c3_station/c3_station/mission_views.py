@@ -7,7 +7,7 @@ from collections.abc import Collection, Mapping, Sequence
 import numpy as np
 
 from msgs_json.geometry import Cell, GridSpec, Point
-from msgs_json.messages import AuvStatus, ContactState, MissionStatus
+from msgs_json.messages import AuvStatus, ContactState, MissionState, MissionStatus
 from msgs_json.ros_messages import (
     ColouredCells,
     Diagnostic,
@@ -72,16 +72,25 @@ def diagnostics(
     """
     Return the mission's state and each AUV's as diagnostics (REP-107).
 
-    Silence is no failure: an AUV under water, or one that nobody has searched yet, is OK.
+    Silence is no failure: an AUV under water, or one that nobody has searched yet, is OK. What
+    waits for the operator is a warning, and so is what he wants and the UAV has not heard.
     """
+    wanted = status.directive
+    is_taken = status.directive_taken == wanted.revision
+    waits = status.state in (MissionState.PAUSED, MissionState.ABORTED)
+    unheard = '' if is_taken else '; the UAV has not heard what the operator wants'
     mission = Diagnostic(
         name='c3: mission',
-        level=OK,
-        message=status.state.value,
+        level=WARN if waits or not is_taken else OK,
+        message=f'{status.state.value}{unheard}',
         values=(
             ('sorties', str(status.sorties)),
             ('cells delivered', f'{status.cells_delivered} of {status.cells_total}'),
             ('samples delivered', str(status.samples_delivered)),
+            ('sortie limit, s', f'{wanted.sortie_limit_s:g}'),
+            ('masked cells', str(len(wanted.masked))),
+            ('recalled', ', '.join(wanted.recalled) or '-'),
+            ('the UAV flies so', 'yes' if is_taken else 'not yet'),
         ),
     )
     vehicles = tuple(_auv_diagnostic(auv, auv.name in asked_for_help) for auv in status.auvs)

@@ -20,7 +20,7 @@ from msgs_json.messages import CommandRefused, CommandTaken, OperatorCommand
 from msgs_json.ros_messages import Text, text_from_cdr, to_cdr
 from msgs_json.topics import COMMAND, MISSION_EVENTS
 
-_PATIENCE_S = 10.0
+PATIENCE_S = 10.0
 _REPEAT_S = 1.0
 """A mission at full speed leaves C3 little time for newcomers; commands may come twice."""
 
@@ -75,7 +75,7 @@ class _Operator:
         self._command = command
         begun_s = said_s = time.monotonic()
         said_s -= _REPEAT_S
-        while self._answer is None and time.monotonic() < begun_s + _PATIENCE_S:
+        while self._answer is None and time.monotonic() < begun_s + PATIENCE_S:
             is_heard = self._publisher.get_subscription_count() > 0
             if is_heard and time.monotonic() >= said_s + _REPEAT_S:
                 said_s = time.monotonic()

@@ -58,7 +58,6 @@ def fly_on_ros(
     with domain_id() as domain:
         os.environ.update(graph_environment(domain, folder.logs))
         monitor.domain_id = domain
-        folder.domain.write_text(f'{domain}\n')
         nodes = mission_nodes(scenario, bag=bag)
         write_params(
             scenario,
@@ -79,6 +78,7 @@ def fly_on_ros(
         watch = _Watch(folder, monitor, refresh)
         faults = RosFaults(scenario, domain, watch.process_of)
         has_faults = scenario.faults != Faults()
+        folder.domain.write_text(f'{domain}\n')
         try:
             for node in nodes:
                 watch.start(node)
@@ -90,6 +90,7 @@ def fly_on_ros(
             finally:
                 observer.close()
         finally:
+            folder.domain.unlink(missing_ok=True)  # commands find no mission from now on
             faults.close()
             watch.stop()
         return watch.flight

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 
 import pytest
+from msgspec.structs import replace
 from rich.console import Console
 
 from c3_station.in_process import fly
@@ -16,8 +17,11 @@ from msgs_json.agent_shell import Frame, Speaker
 from msgs_json.messages import (
     AuvStatus,
     CellEntered,
+    CommandRefused,
+    CommandTaken,
     ContactState,
     Directive,
+    DirectiveTaken,
     Dived,
     Event,
     GivenUp,
@@ -28,11 +32,15 @@ from msgs_json.messages import (
     MissionCompleted,
     MissionState,
     MissionStatus,
+    Pause,
     PlanningAhead,
+    Recall,
     RecoveryReason,
     SearchBrokenOff,
     SortieDeparted,
     StayedUp,
+    StorageFailed,
+    StorageRestored,
     Surfaced,
 )
 from msgs_json.ros_messages import ClockTime, Text
@@ -284,3 +292,104 @@ def test_before_c3_knows_the_next_contact_there_is_none() -> None:
     log.monitor.message('/c3/mission_status', frame.message)
     (row,) = (line for line in log.shown().splitlines() if '1 auv_1' in line)
     assert [word for word in row.split() if word == '-'] == ['-'] * 3  # contact, next, last met
+
+
+# --- the operator --------------------------------------------------------------------------------
+
+WANTED = replace(ORDERED, revision=3, recalled=('auv_2',), sortie_limit_s=80.0, masked=((0, 0),))
+
+
+def commanded(directive: Directive, *, is_taken: bool) -> Log:
+    """Return the log of a mission whose operator wants something."""
+    log = Log()
+    shown = replace(
+        status(ContactState.EXPECTED_SILENT, None),
+        directive=directive,
+        directive_taken=directive.revision if is_taken else 0,
+    )
+    frame = Speaker('c3').frame(MISSION_STATUS, shown, 50.0)
+    log.monitor.message('/c3/mission_status', frame.message)
+    return log
+
+
+@pytest.mark.parametrize(
+    ('source', 'event', 'line'),
+    [
+        ('c3', CommandTaken(command=Pause(), revision=1), 'takes from the operator: pause'),
+        (
+            'c3',
+            CommandRefused(command=Recall(auvs=('auv_9',)), problem='no such AUV'),
+            'refuses "recall auv_9": no such AUV',
+        ),
+        (
+            'c3',
+            CommandRefused(command=None, problem='too short'),
+            'the UAV cannot fly so: too short',
+        ),
+        (
+            'uav',
+            DirectiveTaken(directive=WANTED),
+            'flies as the operator wants: auv_2 recalled, limit 80 s, 1 cell taken out',
+        ),
+        ('auv_1', StayedUp(reason=RecoveryReason.RECALLED), 'recalled, stays up'),
+        (
+            'auv_1',
+            StorageFailed(problem='disk full'),
+            'cannot store what it learns, and is silent: disk full',
+        ),
+        ('auv_1', StorageRestored(), 'stores again what it learns, and speaks'),
+    ],
+    ids=lambda value: type(value).__name__ if isinstance(value, Event) else '',
+)
+def test_what_the_operator_and_the_stores_do_is_in_the_log(
+    source: str, event: Event, line: str
+) -> None:
+    assert Log().add(source, 5.0, event) == line
+
+
+def test_nothing_is_shown_of_an_operator_who_wants_what_was_ordered() -> None:
+    assert 'operator' not in Log().shown()
+    assert 'operator' not in commanded(ORDERED, is_taken=True).shown()
+
+
+@pytest.mark.parametrize('width', [60, 80, 120])
+@pytest.mark.parametrize(
+    ('is_taken', 'line'),
+    [
+        (True, 'operator   paused, auv_2 recalled'),
+        (False, 'operator   paused, auv_2 recalled; the UAV has not heard'),
+    ],
+)
+def test_the_view_shows_what_the_operator_wants(width: int, is_taken: bool, line: str) -> None:
+    directive = replace(ORDERED, revision=3, paused=True, recalled=('auv_2',))
+    shown = commanded(directive, is_taken=is_taken).shown(width)
+    assert line in shown
+    assert 'UAV   at C3, paused' in shown
+    (row,) = (each for each in shown.splitlines() if '2 auv_2' in each)
+    assert 'recalled' in row
+
+
+def test_the_view_shows_an_abort() -> None:
+    log = commanded(replace(ORDERED, revision=1, aborted=True), is_taken=True)
+    assert 'UAV   at C3, aborted until a reset' in log.shown(60)
+    log.departed()
+    broken_off = SearchBrokenOff(sortie=1, not_reached=('auv_1',))
+    line = log.add('uav', 20.0, broken_off)
+    assert line == 'turns home by the abort, not reached: auv_1'
+
+
+def test_the_view_counts_the_cells_that_the_operator_has_left() -> None:
+    log = commanded(WANTED, is_taken=True)
+    log.add('uav', 5.0, DirectiveTaken(directive=WANTED))
+    assert '0 of 99 cells' in log.shown()
+    assert 'of 80 s' in log.shown()
+    cells = list(log.monitor.scenario.region.cells)
+    for number, cell in enumerate(cells[:-1]):
+        told = log.add('auv_1', 9.0, CellEntered(cell=cell, sample_number=number))
+        assert told is None
+    assert '98 of 99 cells' in log.shown()
+    without_last = replace(WANTED, revision=4, masked=(cells[-1],))
+    log.add('uav', 10.0, DirectiveTaken(directive=without_last))
+    assert log.monitor.explored_s == 10.0
+    log.add('uav', 11.0, DirectiveTaken(directive=replace(WANTED, revision=5, masked=())))
+    assert log.monitor.explored_s is None

@@ -3,6 +3,7 @@ from __future__ import annotations
 import hypothesis.strategies as st
 import pytest
 from hypothesis import given
+from msgspec.structs import replace
 
 from c3_station.mission_views import diagnostics, occupancy, survey_markers
 from msgs_json.geometry import Cell, GridSpec, Point
@@ -157,3 +158,30 @@ def test_who_asked_for_help_is_a_warning_though_it_is_recovered() -> None:
     diagnostic = auv_diagnostic(auv_status('auv_1', None), asked_for_help=True)
     assert (diagnostic.level, diagnostic.message) == (1, 'recovered, asked for help')
     assert dict(diagnostic.values)['asked for help'] == 'yes'
+
+
+@pytest.mark.parametrize(
+    ('state', 'taken', 'level', 'message'),
+    [
+        (MissionState.SURVEYING, 2, 0, 'surveying'),
+        (MissionState.PAUSED, 2, 1, 'paused'),
+        (MissionState.ABORTED, 2, 1, 'aborted'),
+        (
+            MissionState.SURVEYING,
+            1,
+            1,
+            'surveying; the UAV has not heard what the operator wants',
+        ),
+    ],
+)
+def test_what_waits_for_the_operator_or_for_the_uav_to_hear_of_him_is_a_warning(
+    state: MissionState, taken: int, level: int, message: str
+) -> None:
+    wanted = replace(ORDERED, revision=2, recalled=('auv_1', 'auv_2'), masked=((0, 0),))
+    status = replace(mission_status(), state=state, directive=wanted, directive_taken=taken)
+    (mission,) = diagnostics(status, [], 44.0).statuses
+    assert (mission.level, mission.message) == (level, message)
+    values = dict(mission.values)
+    assert values['recalled'] == 'auv_1, auv_2'
+    assert values['masked cells'] == '1'
+    assert values['the UAV flies so'] == ('yes' if taken == 2 else 'not yet')

@@ -144,3 +144,46 @@ def test_a_value_is_always_a_half_to_the_power_of_the_entries(
         visited.update(path[1 : reached + 1])
         entries.subtract(path[reached + 1 :])
         check()
+
+
+# --- the region changes --------------------------------------------------------------------------
+
+cells = st.tuples(st.integers(0, 3), st.integers(0, 2))
+
+
+def test_a_cell_that_is_masked_is_worth_nothing_and_nobody_waits_for_it() -> None:
+    whole = ExplorationMap(GridSpec(cols=3, rows=1, cell_m=10.0), [(0, 0)])
+    whole.assign([(0, 0), (1, 0)])
+    whole.confirm([(1, 0)])
+    part = whole.of_region(GridSpec(cols=3, rows=1, cell_m=10.0, masked=((2, 0),)))
+    assert not whole.is_explored
+    assert part.is_explored
+    assert part.values.tolist() == [[0.5, 0.5, 0.0]]
+    with pytest.raises(ValueError, match=r'cell \[2, 0\] is masked'):
+        part.assign([(1, 0), (2, 0)])
+
+
+@given(
+    path=st.lists(cells, max_size=12),
+    reached=st.integers(0, 12),
+    masks=st.lists(st.frozensets(cells), max_size=4),
+)
+def test_cells_that_come_back_are_known_as_before(
+    path: list[Cell], reached: int, masks: list[frozenset[Cell]]
+) -> None:
+    exploration = ExplorationMap(GRID, [])
+    exploration.assign([(0, 0), *path])
+    exploration.confirm(path[:reached])
+    changed = exploration
+    for mask in masks:
+        changed = changed.of_region(
+            GridSpec(cols=4, rows=3, cell_m=10.0, masked=tuple(sorted(mask)))
+        )
+        for cell in GRID.cells:
+            expected = 0.0 if cell in mask else value_at(exploration, cell)
+            assert value_at(changed, cell) == expected
+        assert changed.is_explored == ({*GRID.cells} - mask <= {*path[:reached]})
+    back = changed.of_region(GRID)
+    np.testing.assert_array_equal(back.values, exploration.values)
+    assert back.is_explored == exploration.is_explored
+    assert back.memory() == exploration.memory()
