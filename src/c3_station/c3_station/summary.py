@@ -186,7 +186,7 @@ class Summary(msgspec.Struct, frozen=True, kw_only=True):
     end. None where nothing was sampled, or the record does not show what C3 has.
     """
     lower_bound_s: float | None
-    """No planner can explore the region before."""
+    """No planner can explore the region before. None where the operator has changed the region."""
     radio: RadioSummary | None
     refusals: tuple[RefusalSummary, ...]
     unreadable: int
@@ -513,7 +513,7 @@ class _Figures:
             samples_missing=self._samples_missing(),
             samples_doubled=self._samples_doubled(),
             data_age_max_s=self._data_age_max_s(),
-            lower_bound_s=_seconds(lower_bound_s(scenario)) if scenario else None,
+            lower_bound_s=self._lower_bound_s(scenario),
             radio=(
                 RadioSummary(delivered=radio.delivered, blocked=radio.blocked) if radio else None
             ),
@@ -527,6 +527,11 @@ class _Figures:
     def _cells(self, scenario: Scenario | None) -> frozenset[Cell]:
         """Return the cells to be surveyed, without those that the operator took out."""
         return frozenset(scenario.region.cells if scenario else ()) - frozenset(self.masked)
+
+    def _lower_bound_s(self, scenario: Scenario | None) -> float | None:
+        if scenario is None or len(self._cells(scenario)) != scenario.region.cells_total:
+            return None
+        return _seconds(lower_bound_s(scenario))
 
     def _first_entered_s(self) -> Mapping[Cell, float]:
         first_entered_s: dict[Cell, float] = {}

@@ -26,9 +26,12 @@ from msgs_json.messages import (
     Acknowledgement,
     AuvStatus,
     ChangeLimit,
+    ChangeRegion,
     Command,
+    CommandRefused,
     CommandTaken,
     ContactState,
+    Directive,
     DirectiveRefused,
     Event,
     ExpectedContact,
@@ -610,6 +613,113 @@ def test_what_is_known_of_an_auv_follows_its_meetings() -> None:
     output = bench.hear(report(2, meeting('auv_1', 1, is_last=True)))
     first, _ = status(output).auvs
     assert (first.leg_id, first.predicted_cells, first.surface_deadline_s) == (1, (), None)
+
+
+# --- the operator --------------------------------------------------------------------------------
+
+
+def wanted(revision: int, **changes: object) -> Directive:
+    ordered = Directive(
+        revision=revision,
+        paused=False,
+        aborted=False,
+        recalled=(),
+        sortie_limit_s=40.0,
+        masked=(),
+    )
+    return msgspec.structs.replace(ordered, **changes)
+
+
+def directive_taken(revision: int) -> Acknowledgement:
+    return Acknowledgement(acknowledges=Acknowledged.DIRECTIVE, reference=revision)
+
+
+def test_what_the_operator_wants_is_said_until_the_uav_has_taken_it() -> None:
+    bench = Bench()
+    bench.tick()
+    output = bench.hear(Pause(), src='operator')
+    assert events(output) == [CommandTaken(command=Pause(), revision=1)]
+    assert said(output) == []
+    (first,) = said(bench.tick())
+    assert isinstance(first, MissionOrder)  # without which it means nothing
+    bench.hear(ORDER_TAKEN)
+    for _ in range(3):
+        assert said(bench.tick()) == [wanted(1, paused=True)]
+    shown_before = status(bench.hear(Recall(), src='operator'))
+    assert (shown_before.directive.revision, shown_before.directive_taken) == (2, 0)
+    bench.hear(directive_taken(1))  # it is out of date by now
+    assert said(bench.tick()) == [wanted(2, paused=True, recalled=('auv_1', 'auv_2'))]
+    assert status(bench.hear(directive_taken(2))).directive_taken == 2
+    assert said(bench.tick()) == []
+
+
+def test_a_command_that_makes_no_sense_is_answered_and_changes_nothing() -> None:
+    bench = Bench().surveying()
+    output = bench.hear(Recall(auvs=('auv_9',)), src='operator')
+    assert output == [
+        Log(
+            CommandRefused(
+                command=Recall(auvs=('auv_9',)),
+                problem='auv_9: no such AUV; allowed: auv_1, auv_2',
+            ),
+            bench.now_s,
+        )
+    ]
+    assert said(bench.tick()) == []
+
+
+def test_what_the_uav_cannot_fly_by_is_told_once_and_no_longer_wanted() -> None:
+    bench = Bench().surveying()
+    bench.hear(ChangeLimit(sortie_limit_s=5.0), src='operator')
+    bench.hear(Abort(), src='operator')
+    refusal = DirectiveRefused(revision=2, problem='too short', sortie_limit_s=40.0, masked=())
+    output = bench.hear(refusal)
+    assert events(output) == [CommandRefused(command=None, problem='too short')]
+    assert status(output).directive == wanted(2, aborted=True)
+    assert status(output).directive_taken == 2
+    assert bench.hear(refusal) == []
+    assert said(bench.tick()) == []
+
+
+@pytest.mark.parametrize(
+    ('src', 'message'), [('uav', Abort()), ('operator', ORDER_TAKEN)], ids=['uav', 'operator']
+)
+def test_only_the_operator_commands_and_he_does_nothing_else(src: str, message: Message) -> None:
+    (refused,) = Bench().surveying().hear(message, src=src)
+    assert isinstance(refused, Refuse)
+    assert (refused.sender, refused.refusal) == (src, Refusal.UNEXPECTED)
+
+
+def test_a_command_before_the_mission_is_refused_so_that_it_is_said_again() -> None:
+    (refused,) = Bench().hear(Pause(), src='operator')
+    assert isinstance(refused, Refuse)
+
+
+def test_the_state_is_what_the_operator_wants() -> None:
+    bench = Bench().surveying()
+    states = [
+        status(bench.hear(command, src='operator')).state
+        for command in (Pause(), Abort(), Reset(), Resume(), Recall(auvs=('auv_1',)), Recall())
+    ]
+    assert states == [
+        MissionState.PAUSED,
+        MissionState.ABORTED,
+        MissionState.PAUSED,
+        MissionState.SURVEYING,
+        MissionState.SURVEYING,
+        MissionState.RECOVERING,
+    ]
+
+
+def test_cells_that_are_taken_out_count_nowhere() -> None:
+    bench = Bench().surveying()
+    bench.hear(batch(sample('auv_1', 0, (0, 0)), sample('auv_1', 1, (2, 0))))
+    shown_now = status(bench.hear(ChangeRegion(masked=((2, 0),)), src='operator'))
+    assert (shown_now.cells_delivered, shown_now.cells_total) == (1, 5)
+    cells = [(1, 0), (0, 1), (1, 1), (2, 1)]
+    output = bench.hear(batch(*(sample('auv_1', 2 + n, cell) for n, cell in enumerate(cells))))
+    assert status(output).state is MissionState.RECOVERING
+    assert events(output) == [delivered(4, cells=5)]
 
 
 # --- every input in every state ------------------------------------------------------------------

@@ -307,6 +307,26 @@ def test_field_file_is_found_beside_the_scenario(tmp_path: Path) -> None:
         (('max_mission_s',), 'soon', ["max_mission_s is 'soon'"]),
         (('on_death',), 'explode', ["on_death is 'explode'", 'allowed: restart or end or keys']),
         (('on_death',), {'uav': 'explode'}, ["on_death.uav is 'explode'", 'allowed: restart or']),
+        (
+            ('operator',),
+            [{'at_s': 1, 'command': {'command': 'stop'}}],
+            ['operator[0].command cannot be taken', "'stop'"],
+        ),
+        (
+            ('operator',),
+            [{'at_s': 1, 'command': {'command': 'recall', 'auvs': ['auv_9']}}],
+            ['operator[0].command cannot be taken: auv_9: no such AUV', 'auv_1, auv_2, auv_3'],
+        ),
+        (
+            ('operator',),
+            [{'at_s': 1, 'command': {'command': each}} for each in ('abort', 'resume')],
+            ['operator[1].command cannot be taken: the mission is aborted'],
+        ),
+        (
+            ('operator',),
+            [{'at_s': at_s, 'command': {'command': 'pause'}} for at_s in (2, 1)],
+            ['operator[1].at_s is 1; allowed: at least that of the one before, 2'],
+        ),
         (('pass', 'explored_s'), {'min': 3, 'max': 2}, ['pass.explored_s.min is 3', 'max, 2']),
         (('pass', 'explored_s', 'max'), float('inf'), ['pass.explored_s.max is inf']),
         (('pass', 'explored'), {}, ['pass.explored is {}', 'did you mean explored_s?']),

@@ -330,6 +330,8 @@ def test_cells_that_the_operator_took_out_are_not_waited_for() -> None:
     summary = summary_of(mission)
     assert summary.cells_total == 3
     assert (summary.explored_s, summary.delivered_s) == (34.0, 41.0)
+    assert summary.cells_explored == 3
+    assert summary.lower_bound_s is None  # it is that of the region as it was ordered
     # It may take them in again.
     assert (
         summary_of([*mission, (45.0, 'uav', DirectiveTaken(directive=ORDERED))]).cells_total == 4
