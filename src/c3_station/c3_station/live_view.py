@@ -175,7 +175,7 @@ class LiveView:
         for row in reversed(range(region.rows)):
             for col in range(region.cols):
                 cell = (col, row)
-                is_land = not region.contains(cell)
+                is_land = cell not in mission.cells
                 if cell in occupied:
                     mark, colour, auv = occupied[cell]
                     style = f'{colour} dim' if auv.submerged else f'bold black on {colour}'
@@ -193,7 +193,7 @@ class LiveView:
             rows.append('\n')
         caption = '⌂ C3' if c3_is_inside else ' ' * (2 * c3_cell[0]) + '⌂ C3'
         rows.append(caption, _C3_COLOUR)
-        if region.masked:
+        if len(mission.cells) < region.cols * region.rows:
             rows.append('\n▒ land, no-go', _LAND_COLOUR)
         return Align(Panel(rows, border_style='dim', padding=(0, 1), width=2 * region.cols + 4))
 

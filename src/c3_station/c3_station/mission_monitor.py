@@ -194,7 +194,7 @@ class MissionMonitor:
         wanted = wishes(directive, self.scenario)
         if is_taken:
             return None if wanted == AS_ORDERED else wanted
-        return f'{wanted}; the UAV has not heard of it'
+        return f'{wanted}; not yet taken by the UAV'
 
     @property
     def recalled(self) -> tuple[str, ...]:

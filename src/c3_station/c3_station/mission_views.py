@@ -78,7 +78,7 @@ def diagnostics(
     wanted = status.directive
     is_taken = status.directive_taken == wanted.revision
     waits = status.state in (MissionState.PAUSED, MissionState.ABORTED)
-    unheard = '' if is_taken else '; the UAV has not heard what the operator wants'
+    unheard = '' if is_taken else '; the UAV has not yet taken what the operator wants'
     mission = Diagnostic(
         name='c3: mission',
         level=WARN if waits or not is_taken else OK,

@@ -357,7 +357,7 @@ def test_nothing_is_shown_of_an_operator_who_wants_what_was_ordered() -> None:
     ('is_taken', 'line'),
     [
         (True, 'operator   paused, auv_2 recalled'),
-        (False, 'operator   paused, auv_2 recalled; the UAV has not heard'),
+        (False, 'operator   paused, auv_2 recalled; not yet taken'),
     ],
 )
 def test_the_view_shows_what_the_operator_wants(width: int, is_taken: bool, line: str) -> None:

@@ -170,7 +170,7 @@ def test_who_asked_for_help_is_a_warning_though_it_is_recovered() -> None:
             MissionState.SURVEYING,
             1,
             1,
-            'surveying; the UAV has not heard what the operator wants',
+            'surveying; the UAV has not yet taken what the operator wants',
         ),
     ],
 )
