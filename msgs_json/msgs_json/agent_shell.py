@@ -244,9 +244,9 @@ class AgentShell:
             src, message, is_copy = self._admit(data)
         except MessageError as error:
             return self._refuse(Refuse(error.sender, error.refusal, error.detail), now_s)
+        if is_copy:
+            return self._stored([], now_s)
         match message:
-            case _ if is_copy:
-                outputs = []
             case Fragment():
                 outputs = self._take_fragment(src, message, now_s)
             case FragmentReceipt():

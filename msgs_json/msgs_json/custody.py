@@ -34,7 +34,8 @@ if TYPE_CHECKING:
 BATCHES_MAX = 8
 """So many batches are said at a time; the next ones when a receipt shows that these get across."""
 
-_SAMPLE = 'sample'
+SAMPLE = 'sample'
+"""Kind of the entries of a store that are samples."""
 _AT_C3 = 'at_c3'
 
 _WIDE_SAMPLE = Sample(
@@ -62,6 +63,11 @@ def samples_per_frame(frame_bytes: int) -> int:
     return (frame_bytes - _OTHER_BYTES) // _SAMPLE_BYTES
 
 
+def sample_key(auv: str, number: int) -> str:
+    """Return the key of a sample in a store."""
+    return f'{auv}/{number}'
+
+
 def sample_spans(auv: str, numbers: NumberSet) -> tuple[SampleSpan, ...]:
     """Return numbers of samples of an AUV as messages say them."""
     return tuple(SampleSpan(auv=auv, first=first, until=until) for first, until in numbers.spans)
@@ -86,7 +92,7 @@ class SampleCustody:
         self._store = store
         self._batch_samples = samples_per_frame(frame_bytes)
         self._response_s = response_s
-        self._kept = _in_order(store.load(_SAMPLE, Sample).values())
+        self._kept = _in_order(store.load(SAMPLE, Sample).values())
         spans = store.load(_AT_C3, tuple[tuple[int, int], ...])
         self._at_c3 = {auv: NumberSet.from_spans(each) for auv, each in spans.items()}
         self._passed_on: dict[str, NumberSet] = {}
@@ -99,7 +105,7 @@ class SampleCustody:
         if new:
             self._kept = _in_order([*self._kept.values(), *new])
         for sample in new:
-            self._store.put(_SAMPLE, _key(sample.auv, sample.number), sample)
+            self._store.put(SAMPLE, sample_key(sample.auv, sample.number), sample)
 
     def has(self, auv: str, number: int) -> bool:
         """Return whether a sample is kept, or at C3."""
@@ -169,7 +175,7 @@ class SampleCustody:
             if auv == span.auv and number in at_c3:
                 del self._kept[auv, number]
                 self._said_s.pop((auv, number), None)
-                self._store.drop(_SAMPLE, _key(auv, number))
+                self._store.drop(SAMPLE, sample_key(auv, number))
 
     def _waiting(self) -> Iterable[Sample]:
         """Yield what is kept and the next one on the way is not known to hold."""
@@ -203,7 +209,3 @@ def _in_order(samples: Iterable[Sample]) -> dict[tuple[str, int], Sample]:
     """Return samples in the order in which they are said, which a crash does not change."""
     by_key = {(sample.auv, sample.number): sample for sample in samples}
     return dict(sorted(by_key.items()))
-
-
-def _key(auv: str, number: int) -> str:
-    return f'{auv}/{number}'

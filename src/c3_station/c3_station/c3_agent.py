@@ -15,7 +15,7 @@ from c3_station.scheduled_commands import operator_command
 from c3_station.software import software_version
 from msgs_json.agent import Log, Output, Publish, Refuse, Transmit
 from msgs_json.codec import Refusal
-from msgs_json.custody import sample_spans
+from msgs_json.custody import SAMPLE, sample_key, sample_spans
 from msgs_json.geometry import Cell, is_before, path_length_m, surface_deadline_s
 from msgs_json.messages import (
     Acknowledged,
@@ -50,8 +50,8 @@ if TYPE_CHECKING:
 
     from msgs_json.store import Store
 
-_MISSION, _SAMPLE = 'mission', 'sample'
-"""Kinds of entries of the store."""
+_MISSION = 'mission'
+"""Kind of the one entry of the store that is not a sample."""
 
 
 @dataclass(slots=True)
@@ -138,7 +138,7 @@ class C3Agent:
         """By AUV, the samples that are here: each once, whatever is repeated."""
         self._cells: dict[Cell, Sample] = {}
         """The newest sample of each cell."""
-        for sample in store.load(_SAMPLE, Sample).values():
+        for sample in store.load(SAMPLE, Sample).values():
             self._note(sample)
         self._desk = OperatorDesk(scenario, memory.desk if memory else None)
         self._scheduled_done = memory.scheduled_done if memory else 0
@@ -285,7 +285,7 @@ class C3Agent:
                 new.append(sample)
                 self._note(sample)
                 self._auvs[sample.auv].samples_delivered += 1
-                self._store.put(_SAMPLE, f'{sample.auv}/{sample.number}', sample)
+                self._store.put(SAMPLE, sample_key(sample.auv, sample.number), sample)
         auvs = dict.fromkeys(sample.auv for sample in batch.samples)
         output: list[Output] = [Transmit(self._uav, self._receipt(auvs))]
         if not new:
