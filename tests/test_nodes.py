@@ -10,11 +10,8 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
-import rclpy
 from domain_coordinator import domain_id
 from patience import PATIENCE_S, wait_until
-from rclpy.context import Context
-from rclpy.publisher import Publisher
 from slow_planner import NAME, SLICES, let_nodes_fly_with_it
 
 from c3_station.graph import write_params
@@ -25,7 +22,7 @@ from c3_station.scenario_files import load_scenario
 from c3_station.summary import Summary
 from msgs_json import codec
 from msgs_json.geometry import GridSpec, Point
-from msgs_json.host_node import make_executor, message_class, qos_profile
+from msgs_json.guest_node import GuestNode
 from msgs_json.messages import (
     Acknowledgement,
     AuvOrder,
@@ -39,7 +36,7 @@ from msgs_json.messages import (
 )
 from msgs_json.node_exit import NodeExit
 from msgs_json.ros_messages import Odometry, Text, odometry_from_cdr, text_from_cdr, to_cdr
-from msgs_json.topics import MISSION_EVENTS, ODOM, RADIO_RX, RADIO_TX, Topic
+from msgs_json.topics import MISSION_EVENTS, ODOM, RADIO_RX, RADIO_TX
 
 pytestmark = pytest.mark.ros
 
@@ -111,53 +108,22 @@ def start(domain: int) -> Iterator[Start]:
         node.kill()
 
 
-class Listener:
+class Listener(GuestNode):
     """The test's own node on the graph."""
-
-    def __init__(self, domain: int) -> None:
-        self._context = Context()
-        rclpy.init(context=self._context, domain_id=domain)
-        self._node = rclpy.create_node('listener', context=self._context)
-        self._executor = make_executor(self._context)
-        self._executor.add_node(self._node)
-
-    def publisher(self, topic: Topic, namespace: str) -> Publisher:
-        """Return a publisher of raw bytes on somebody's topic."""
-        return self._node.create_publisher(
-            message_class(topic.ros_type), topic.resolve(namespace), qos_profile(topic.qos)
-        )
-
-    def listen(self, topic: Topic, namespace: str, callback: Callable[[bytes], None]) -> None:
-        self._node.create_subscription(
-            message_class(topic.ros_type),
-            topic.resolve(namespace),
-            callback,
-            qos_profile(topic.qos),
-            raw=True,
-        )
 
     def hearers(self, topic: str) -> set[str]:
         """Return the namespaces of all nodes that subscribe to a topic."""
-        return {each.node_namespace for each in self._node.get_subscriptions_info_by_topic(topic)}
-
-    def spin(self, duration_s: float) -> None:
-        end_s = time.monotonic() + duration_s
-        while (left_s := end_s - time.monotonic()) > 0:
-            self._executor.spin_once(timeout_sec=left_s)
+        return {each.node_namespace for each in self.node.get_subscriptions_info_by_topic(topic)}
 
     def wait_for(self, holds: Callable[[], bool]) -> None:
         """Wait until something holds, and hear what is said meanwhile."""
         wait_until(holds, lambda: self.spin(0.1))
 
-    def close(self) -> None:
-        self._node.destroy_node()
-        self._context.try_shutdown()
-
 
 @pytest.fixture
 def listener(domain: int) -> Iterator[Listener]:
     """Return a node of the test's own."""
-    node = Listener(domain)
+    node = Listener('listener', '/', domain)
     yield node
     node.close()
 
@@ -396,8 +362,8 @@ def test_in_real_time_an_auv_ticks_on_the_clock_and_answers_its_radio(
     auv = start('auv_sim', 'auv', '-r', '__ns:=/auv_1', *words)
     said: list[tuple[codec.Envelope, Message]] = []
     odometry: list[Odometry] = []
-    listener.listen(RADIO_TX, '/auv_1', lambda cdr: said.append(codec.decode(text_from_cdr(cdr))))
-    listener.listen(ODOM, '/auv_1', lambda cdr: odometry.append(odometry_from_cdr(cdr)))
+    listener.listen(RADIO_TX, lambda cdr: said.append(codec.decode(text_from_cdr(cdr))), '/auv_1')
+    listener.listen(ODOM, lambda cdr: odometry.append(odometry_from_cdr(cdr)), '/auv_1')
     radio = listener.publisher(RADIO_RX, '/auv_1')
 
     listener.wait_for(lambda: bool(said))
@@ -429,7 +395,7 @@ def test_in_real_time_a_uav_plans_ahead_before_it_flies(
     heard: list[Message] = []
     for topic in (RADIO_TX, MISSION_EVENTS):
         listener.listen(
-            topic, '/uav', lambda cdr: heard.append(codec.decode(text_from_cdr(cdr))[1])
+            topic, lambda cdr: heard.append(codec.decode(text_from_cdr(cdr))[1]), '/uav'
         )
     radio = listener.publisher(RADIO_RX, '/uav')
     listener.wait_for(lambda: listener.hearers('/uav/radio/rx') == {'/uav'})

@@ -194,7 +194,7 @@ def fly_beside_stranger(scenario: Scenario) -> tuple[BenchFlight, int]:
         command = [sys.executable, '-m', 'c3_station.stranger_node', *agents]
 
         def look(folder: RunFolder, monitor: MissionMonitor) -> None:
-            if monitor.ticking and not strangers:
+            if not strangers:  # it comes up while the nodes do
                 log = Path(logs) / 'stranger.log'
                 strangers.append(NodeProcess('stranger', command, os.environ, log))
 

@@ -4,16 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from contextlib import suppress
-from time import monotonic
-
-import rclpy
-from rclpy.context import Context
-from rclpy.signals import SignalHandlerOptions
 
 from auv_sim.world import WORLD
 from c3_station.mission_monitor import MissionMonitor
 from c3_station.node_params import C3
-from msgs_json.host_node import make_executor, message_class, qos_profile
+from msgs_json.guest_node import GuestNode
 from msgs_json.messages import Waiting
 from msgs_json.refusals import body_decoder
 from msgs_json.ros_messages import (
@@ -57,25 +52,11 @@ class Observer:
         """Listen; ``heed`` is told whom the world waits for."""
         self._monitor = monitor
         self._heed = heed
-        self._context = Context()
-        rclpy.init(
-            context=self._context,
-            domain_id=domain_id,
-            signal_handler_options=SignalHandlerOptions.NO,
-        )
-        self._node = rclpy.create_node('observer', namespace='orchestrator', context=self._context)
-        self._executor = make_executor(self._context)
-        self._executor.add_node(self._node)
+        self._guest = GuestNode('observer', 'orchestrator', domain_id)
         self._listen(MISSION_EVENTS, '/', _text)
         self._listen(MISSION_STATUS, f'/{C3}', _text)
         self._listen(RADIO_STATUS, f'/{WORLD}', _text)
-        self._node.create_subscription(
-            message_class(WORLD_WAITING.ros_type),
-            WORLD_WAITING.name,
-            self._take_waiting,
-            qos_profile(WORLD_WAITING.qos),
-            raw=True,
-        )
+        self._guest.listen(WORLD_WAITING, self._take_waiting)
         if every_tick:
             self._listen(CLOCK, '/', _clock)
             for name in (monitor.uav_name, *monitor.auvs):
@@ -83,14 +64,11 @@ class Observer:
 
     def spin(self, duration_s: float) -> None:
         """Listen for a while."""
-        end_s = monotonic() + duration_s
-        while (left_s := end_s - monotonic()) > 0:
-            self._executor.spin_once(timeout_sec=left_s)
+        self._guest.spin(duration_s)
 
     def close(self) -> None:
         """Leave the graph."""
-        self._node.destroy_node()
-        self._context.try_shutdown()
+        self._guest.close()
 
     def _take_waiting(self, cdr: bytes) -> None:
         with suppress(ValueError):  # what is not sound is nothing to heed
@@ -106,9 +84,7 @@ class Observer:
                 return  # the nodes count and log what they refuse; the view shows what is sound
             self._monitor.message(name, message)
 
-        self._node.create_subscription(
-            message_class(topic.ros_type), name, take, qos_profile(topic.qos), raw=True
-        )
+        self._guest.listen(topic, take, namespace)
 
 
 def _text(cdr: bytes) -> Text:

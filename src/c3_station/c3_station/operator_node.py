@@ -3,18 +3,15 @@
 from __future__ import annotations
 
 import time
+from contextlib import closing
 from pathlib import Path
-
-import rclpy
-from rclpy.context import Context
-from rclpy.signals import SignalHandlerOptions
 
 from c3_station.node_params import C3
 from c3_station.operator_desk import OPERATOR
 from msgs_json import codec
 from msgs_json.authentication import Authenticator
 from msgs_json.codec import MessageError
-from msgs_json.host_node import make_executor, message_class, qos_profile
+from msgs_json.guest_node import GuestNode
 from msgs_json.key_file import read_key
 from msgs_json.messages import CommandRefused, CommandTaken, OperatorCommand
 from msgs_json.ros_messages import Text, text_from_cdr, to_cdr
@@ -23,6 +20,7 @@ from msgs_json.topics import COMMAND, MISSION_EVENTS
 PATIENCE_S = 10.0
 _REPEAT_S = 1.0
 """A mission at full speed leaves C3 little time for newcomers; commands may come twice."""
+_LISTEN_S = 0.05
 
 Answer = CommandTaken | CommandRefused
 
@@ -38,37 +36,17 @@ def say_to_c3(command: OperatorCommand, domain_id: int, key_file: Path) -> Answe
 
     """
     authenticator = Authenticator(read_key(str(key_file)))
-    context = Context()
-    rclpy.init(
-        context=context,
-        domain_id=domain_id,
-        signal_handler_options=SignalHandlerOptions.NO,
-    )
-    try:
-        return _Operator(context).ask(command, authenticator)
-    finally:
-        context.try_shutdown()
+    with closing(_Operator(domain_id)) as operator:
+        return operator.ask(command, authenticator)
 
 
 class _Operator:
-    def __init__(self, context: Context) -> None:
+    def __init__(self, domain_id: int) -> None:
         self._answer: Answer | None = None
         self._command: OperatorCommand | None = None
-        node = rclpy.create_node(OPERATOR, namespace=OPERATOR, context=context)
-        self._executor = make_executor(context)
-        self._executor.add_node(node)
-        self._publisher = node.create_publisher(
-            message_class(COMMAND.ros_type),
-            COMMAND.resolve(f'/{C3}'),
-            qos_profile(COMMAND.qos),
-        )
-        node.create_subscription(
-            message_class(MISSION_EVENTS.ros_type),
-            MISSION_EVENTS.name,
-            self._hear,
-            qos_profile(MISSION_EVENTS.qos),
-            raw=True,
-        )
+        self._guest = GuestNode(OPERATOR, OPERATOR, domain_id)
+        self._publisher = self._guest.publisher(COMMAND, f'/{C3}')
+        self._guest.listen(MISSION_EVENTS, self._hear)
 
     def ask(self, command: OperatorCommand, authenticator: Authenticator) -> Answer | None:
         """Say a command until it is answered, for a while."""
@@ -88,8 +66,12 @@ class _Operator:
                     stamp_s=time.time_ns() / 1e9,
                 )
                 self._publisher.publish(to_cdr(Text(authenticator.sign(payload))))
-            self._executor.spin_once(timeout_sec=0.05)
+            self._guest.spin(_LISTEN_S)
         return self._answer
+
+    def close(self) -> None:
+        """Leave the graph."""
+        self._guest.close()
 
     def _hear(self, cdr: bytes) -> None:
         try:

@@ -5,16 +5,12 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Callable, Sequence
 
-import rclpy
-from rclpy.context import Context
-from rclpy.signals import SignalHandlerOptions
-
 from c3_station.forgeries import ForgeryKind, Stranger
 from c3_station.scenario import C3, UAV, Scenario
 from msgs_json import codec
 from msgs_json.codec import MessageError
 from msgs_json.geometry import is_before
-from msgs_json.host_node import make_executor, message_class, qos_profile
+from msgs_json.guest_node import GuestNode
 from msgs_json.randomness import agent_rng
 from msgs_json.ros_messages import Text, text_from_cdr, to_cdr
 from msgs_json.topics import RADIO_RX, RADIO_TX
@@ -41,38 +37,19 @@ class ScheduledStranger:
         self._stranger = Stranger(agent_rng(scenario.seed, 'faults.stranger'))
         self._has_heard = False
         self._is_for_rx = False
-        self._context = Context()
-        rclpy.init(
-            context=self._context,
-            domain_id=domain_id,
-            signal_handler_options=SignalHandlerOptions.NO,
-        )
-        self._node = rclpy.create_node('stranger', namespace='orchestrator', context=self._context)
-        self._executor = make_executor(self._context)
-        self._executor.add_node(self._node)
+        self._guest = GuestNode('stranger', 'orchestrator', domain_id)
         agents = (C3, UAV, *(auv.name for auv in scenario.auvs))
-        self._say: dict[tuple[str, str], Callable[[bytes], None]] = {}
-        for topic in (RADIO_RX, RADIO_TX):
-            for agent in agents:
-                publisher = self._node.create_publisher(
-                    message_class(topic.ros_type),
-                    topic.resolve(f'/{agent}'),
-                    qos_profile(topic.qos),
-                )
-                self._say[topic.name, agent] = publisher.publish
+        self._say: dict[tuple[str, str], Callable[[bytes], None]] = {
+            (topic.name, agent): self._guest.publisher(topic, f'/{agent}').publish
+            for topic in (RADIO_RX, RADIO_TX)
+            for agent in agents
+        }
         for agent in agents:
-            self._node.create_subscription(
-                message_class(RADIO_RX.ros_type),
-                RADIO_RX.resolve(f'/{agent}'),
-                self._hear,
-                qos_profile(RADIO_RX.qos),
-                raw=True,
-            )
+            self._guest.listen(RADIO_RX, self._hear, f'/{agent}')
 
     def speak(self, now_s: float) -> None:
         """Hear what came, and publish what is due."""
-        for _ in range(_HEARD_MAX):
-            self._executor.spin_once(timeout_sec=0.0)
+        self._guest.take(_HEARD_MAX)
         if not self._has_heard:
             return
         for _ in range(_BATCH):
@@ -87,8 +64,7 @@ class ScheduledStranger:
 
     def close(self) -> None:
         """Leave the graph."""
-        self._node.destroy_node()
-        self._context.try_shutdown()
+        self._guest.close()
 
     def _hear(self, cdr: bytes) -> None:
         payload = text_from_cdr(cdr)
