@@ -28,6 +28,7 @@ from msgs_json.messages import (
     CommandTaken,
     Directive,
     DirectiveTaken,
+    EndMission,
     Event,
     Met,
     MissionCompleted,
@@ -244,7 +245,7 @@ def test_an_abort_brings_the_uav_home_until_the_reset(planner: str, radio: Radio
 
 @PLANNERS
 def test_an_abort_that_is_not_taken_back_lasts_to_the_hard_stop(planner: str) -> None:
-    flight = flown(scenario(planner, (25.0, ABORT), (60.0, END), max_mission_s=400.0))
+    flight = flown(scenario(planner, (25.0, ABORT), (60.0, RECALL_ALL), max_mission_s=400.0))
     assert flight.state is MissionState.ABORTED
     assert flight.all(MissionCompleted) == []
     assert len(flight.all(MissionStopped)) == 1
@@ -342,7 +343,7 @@ def test_whatever_he_wants_in_whatever_order_the_promises_hold(
         command = random.choice([*ALL_KINDS, *limits])
         if desk.take(operator_command(command)) is None:
             commands.append((time_s, command))
-    if random.random() < 0.3:
+    if random.random() < 0.3 and desk.take(EndMission()) is None:
         commands.append((200.0, END))
     # In the end he lets the mission go on, else it would never be over.
     mission = scenario(planner, *commands, (400.0, RESET), (400.0, RESUME), radio=radio, seed=seed)

@@ -34,6 +34,9 @@ if TYPE_CHECKING:
 OPERATOR = 'operator'
 """Who signs commands; no agent can be called so."""
 
+_ABORTED = 'the mission is aborted, and stays so until a reset'
+"""Why an aborted mission neither goes on nor ends."""
+
 
 class DeskMemory(msgspec.Struct, frozen=True, kw_only=True):
     """All that an `OperatorDesk` knows."""
@@ -100,12 +103,14 @@ class OperatorDesk:
                 recalled = {*wanted.recalled, *(named or auvs)}
                 wanted = replace(wanted, recalled=tuple(sorted(recalled)))
             case EndMission():
+                if wanted.aborted:
+                    return _ABORTED
                 wanted = replace(wanted, recalled=tuple(sorted(auvs)), paused=False)
             case Pause():
                 wanted = replace(wanted, paused=True)
             case Resume():
                 if wanted.aborted:
-                    return 'the mission is aborted, and stays so until a reset'
+                    return _ABORTED
                 wanted = replace(wanted, paused=False)
             case Abort():
                 wanted = replace(wanted, aborted=True)

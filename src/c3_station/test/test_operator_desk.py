@@ -78,7 +78,8 @@ def test_without_a_command_what_is_wanted_is_what_was_ordered() -> None:
         ([Abort()], {'aborted': True}),
         ([Abort(), Reset()], {'revision': 2}),
         ([Abort(), Pause(), Reset()], {'revision': 3, 'paused': True}),
-        ([Abort(), EndMission()], {'revision': 2, 'aborted': True, 'recalled': BOTH}),
+        ([Abort(), Recall()], {'revision': 2, 'aborted': True, 'recalled': BOTH}),
+        ([Abort(), Reset(), EndMission()], {'revision': 3, 'recalled': BOTH}),
         ([Pause(), EndMission()], {'revision': 2, 'recalled': BOTH}),
         ([Recall()], {'recalled': BOTH}),
         ([Recall(auvs=('auv_2',))], {'recalled': ('auv_2',)}),
@@ -126,6 +127,7 @@ def test_what_is_said_twice_counts_once() -> None:
             'auv_3, auv_7: no such AUV; allowed: auv_1, auv_2',
         ),
         ((Abort(),), Resume(), 'the mission is aborted, and stays so until a reset'),
+        ((Abort(),), EndMission(), 'the mission is aborted, and stays so until a reset'),
         (
             (),
             ChangeRegion(masked=((1, 1), (3, 0))),
@@ -137,7 +139,7 @@ def test_what_is_said_twice_counts_once() -> None:
             'masked[1] is [1, 1], which is masked already; allowed: each cell once',
         ),
     ],
-    ids=['recall', 'resume', 'outside', 'twice'],
+    ids=['recall', 'resume', 'end', 'outside', 'twice'],
 )
 def test_a_command_that_makes_no_sense_changes_nothing(
     before: tuple[OperatorCommand, ...], command: OperatorCommand, problem: str
@@ -284,7 +286,7 @@ def test_what_the_uav_flies_by_is_what_was_wanted_last_and_could_be_flown(
                 paused = True
             case Resume() if not aborted:
                 paused = False
-            case EndMission():
+            case EndMission() if not aborted:
                 paused, recalled = False, {'auv_1', 'auv_2'}
             case Recall(auvs=auvs):
                 recalled |= {*auvs} or {'auv_1', 'auv_2'}
