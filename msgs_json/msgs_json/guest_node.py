@@ -23,11 +23,11 @@ class GuestNode:
     name, namespace
         Its name on the graph.
     domain_id
-        The graph.
+        The graph; None: the one of the environment.
 
     """
 
-    def __init__(self, name: str, namespace: str, domain_id: int) -> None:
+    def __init__(self, name: str, namespace: str, domain_id: int | None) -> None:
         self._context = Context()
         rclpy.init(
             context=self._context,

@@ -8,8 +8,10 @@ from collections import deque
 from typing import TYPE_CHECKING
 
 from c3_station.fault_schedule import fault_schedule
-from c3_station.scheduled_stranger_node import ScheduledStranger
+from c3_station.scenario import C3, UAV
+from c3_station.stranger_node import StrangerNode
 from msgs_json.geometry import is_before
+from msgs_json.randomness import agent_rng
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -24,6 +26,9 @@ No file may grow beyond so many bytes: writing fails as it does on a full disk.
 
 SIGXFSZ, which comes with that, ends no node: Python ignores it from its start.
 """
+
+_FORGED_AT_ONCE = 50
+"""A queue that overflows would refuse them for the nodes."""
 
 
 class RosFaults:
@@ -74,12 +79,15 @@ class RosFaults:
         }
         self._full: dict[str, NodeProcess] = {}
         """Processes whose disk is full at present, by agent."""
+        self._forged = deque(
+            sorted((at_s, name) for name, each in schedule.items() for at_s in each.forged_s)
+        )
+        """When to forge what for whom."""
         self._stranger = None
-        if faults.forged:
-            forged_s = sorted(
-                (at_s, name) for name, each in schedule.items() for at_s in each.forged_s
-            )
-            self._stranger = ScheduledStranger(domain_id, scenario, forged_s)
+        if self._forged:
+            agents = (C3, UAV, *(auv.name for auv in scenario.auvs))
+            rng = agent_rng(scenario.seed, 'faults.stranger')
+            self._stranger = StrangerNode(agents, rng, domain_id)
 
     def strike(self, now_s: float) -> None:
         """Let everything happen that is due at a time of the mission."""
@@ -93,12 +101,20 @@ class RosFaults:
             elif name in self._full and not is_before(now_s, disk.until_s):
                 _limit(self._full.pop(name), _NO_LIMIT)
         if self._stranger is not None:
-            self._stranger.speak(now_s)
+            self._forge(self._stranger, now_s)
 
     def close(self) -> None:
         """Let everybody be."""
         if self._stranger is not None:
             self._stranger.close()
+
+    def _forge(self, stranger: StrangerNode, now_s: float) -> None:
+        stranger.listen()
+        for _ in range(_FORGED_AT_ONCE):
+            is_due = self._forged and not is_before(now_s, self._forged[0][0])
+            if not (stranger.has_heard and is_due):
+                return
+            stranger.forge_for(self._forged.popleft()[1])
 
 
 def _limit(process: NodeProcess, limits: tuple[int, int]) -> None:

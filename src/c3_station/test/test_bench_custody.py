@@ -54,7 +54,9 @@ def test_a_stranger_on_the_graph_is_heard_and_not_obeyed() -> None:
     assert flown.summary.complete
     assert flown.summary.samples_lost == 0
     assert flown.summary.sortie_limit_violations == 0
-    assert {refusal.reason for refusal in flown.summary.refusals} > {'auth'}
+    assert {refusal.reason for refusal in flown.summary.refusals} == {'auth'}
+    assert flown.summary.radio is not None
+    assert {'auth', 'replay'} <= flown.summary.radio.blocked.keys()
 
 
 @pytest.mark.ros
