@@ -50,8 +50,8 @@ if TYPE_CHECKING:
 
     from msgs_json.store import Store
 
-_MISSION = 'mission'
-"""Kind of the one entry of the store that is not a sample."""
+_ORDER, _PROGRESS, _AUV, _DESK = 'order', 'progress', 'auv', 'desk'
+"""Kinds of entries of the store, beside the samples; each is put when it changes."""
 
 
 @dataclass(slots=True)
@@ -68,7 +68,6 @@ class _Auv:
     """Since it was last met."""
     lost: bool = False
     asked_for_help: bool = False
-    samples_delivered: int = 0
 
     @property
     def is_out(self) -> bool:
@@ -93,18 +92,15 @@ class _Auv:
         return ContactState.DUE
 
 
-class _Memory(msgspec.Struct, frozen=True, kw_only=True):
-    """What C3 must still know after its process died, but for the samples."""
+class _Progress(msgspec.Struct, frozen=True, kw_only=True):
+    """How far the mission is."""
 
-    order: MissionOrder
-    order_acknowledged: bool
-    auvs: dict[str, _Auv]
-    sorties: int
-    awaited: tuple[SampleSpan, ...]
-    no_next_sortie: bool
-    desk: DeskMemory
-    scheduled_done: int
-    finished: bool
+    order_acknowledged: bool = False
+    sorties: int = 0
+    awaited: tuple[SampleSpan, ...] = ()
+    no_next_sortie: bool = False
+    scheduled_done: int = 0
+    finished: bool = False
 
 
 class C3Agent:
@@ -124,15 +120,16 @@ class C3Agent:
         self._uav = uav
         self._status_period_s = status_period_s
         self._store = store
-        memory = store.load(_MISSION, _Memory).get('')
-        self.finished = memory.finished if memory else False
-        self._order = memory.order if memory else None
-        self._order_acknowledged = memory.order_acknowledged if memory else False
-        self._auvs = dict(memory.auvs) if memory else {}
-        self._sorties = memory.sorties if memory else 0
-        self._awaited = memory.awaited if memory else ()
+        progress = store.load(_PROGRESS, _Progress).get('', _Progress())
+        self.finished = progress.finished
+        self._order = store.load(_ORDER, MissionOrder).get('')
+        self._order_acknowledged = progress.order_acknowledged
+        auvs = store.load(_AUV, _Auv)
+        self._auvs = {auv.name: auvs[auv.name] for auv in self._order.auvs} if self._order else {}
+        self._sorties = progress.sorties
+        self._awaited = progress.awaited
         """The samples that the UAV said it brings."""
-        self._no_next_sortie = memory.no_next_sortie if memory else False
+        self._no_next_sortie = progress.no_next_sortie
         """Whether the UAV said that it will fly no more."""
         self._numbers: dict[str, NumberSet] = {}
         """By AUV, the samples that are here: each once, whatever is repeated."""
@@ -140,8 +137,8 @@ class C3Agent:
         """The newest sample of each cell."""
         for sample in store.load(SAMPLE, Sample).values():
             self._note(sample)
-        self._desk = OperatorDesk(scenario, memory.desk if memory else None)
-        self._scheduled_done = memory.scheduled_done if memory else 0
+        self._desk = OperatorDesk(scenario, store.load(_DESK, DeskMemory).get(''))
+        self._scheduled_done = progress.scheduled_done
         """How many of the scenario's commands were given."""
         self._survey_shown = False
         """Not by this process: what was latched went with the one before."""
@@ -154,11 +151,12 @@ class C3Agent:
         if self._order is None:
             self._order = mission_order(self._scenario, now_s)
             self._auvs = {auv.name: _Auv(leg=auv.leg) for auv in self._order.auvs}
-            self._remember(self._order)
+            self._store.put(_ORDER, '', self._order)
+            self._remember_auvs()
             output.append(Log(self._started(), now_s))
         if not self._survey_shown:
             output += self._show_survey(now_s)
-        output += self._scheduled(self._order, now_s)
+        output += self._scheduled(now_s)
         if not self._order_acknowledged:
             output.append(Transmit(self._uav, self._order))
         elif not self._desk.is_settled:
@@ -175,24 +173,24 @@ class C3Agent:
         if src == OPERATOR or isinstance(message, OperatorCommand):
             if src != OPERATOR or not isinstance(message, OperatorCommand):
                 return [Refuse(src, Refusal.UNEXPECTED, 'commands come from the operator only')]
-            return self._commanded(message, self._order, now_s)
+            return self._commanded(message, now_s)
         match message:
             case Acknowledgement(acknowledges=Acknowledged.MISSION_ORDER):
                 if self._order_acknowledged:
                     return []
                 self._order_acknowledged = True
-                self._remember(self._order)
+                self._remember_progress()
                 return self._show_status(now_s)
             case Acknowledgement(acknowledges=Acknowledged.DIRECTIVE, reference=revision):
                 self._desk.acknowledged(revision)
-                self._remember(self._order)
+                self._remember_desk()
                 return self._show_status(now_s)
             case DirectiveRefused():
-                return self._directive_refused(message, self._order, now_s)
+                return self._directive_refused(message, now_s)
             case SortieReport():
-                return self._take_report(message, self._order, now_s)
+                return self._take_report(message, now_s)
             case SampleBatch():
-                return self._take_over(message, self._order, now_s)
+                return self._take_over(message, now_s)
             case _:
                 detail = f'C3 takes no {type(message).__name__}'
                 return [Refuse(src, Refusal.UNEXPECTED, detail)]
@@ -205,58 +203,55 @@ class C3Agent:
             software_version=software_version(),
         )
 
-    def _remember(self, order: MissionOrder) -> None:
-        """Note where the mission stands for the process after this one."""
-        memory = _Memory(
-            order=order,
+    def _remember_progress(self) -> None:
+        progress = _Progress(
             order_acknowledged=self._order_acknowledged,
-            auvs=self._auvs,
             sorties=self._sorties,
             awaited=self._awaited,
             no_next_sortie=self._no_next_sortie,
-            desk=self._desk.memory(),
             scheduled_done=self._scheduled_done,
             finished=self.finished,
         )
-        self._store.put(_MISSION, '', memory)
+        self._store.put(_PROGRESS, '', progress)
+
+    def _remember_auvs(self) -> None:
+        for name, auv in self._auvs.items():
+            self._store.put(_AUV, name, auv)
+
+    def _remember_desk(self) -> None:
+        self._store.put(_DESK, '', self._desk.memory())
 
     # --- what the operator wants -----------------------------------------------------------------
 
-    def _commanded(
-        self, command: OperatorCommand, order: MissionOrder, now_s: float
-    ) -> list[Output]:
+    def _commanded(self, command: OperatorCommand, now_s: float) -> list[Output]:
         problem = self._desk.take(command)
         if problem:
             return [Log(CommandRefused(command=command, problem=problem), now_s)]
-        self._remember(order)
+        self._remember_desk()
         taken = CommandTaken(command=command, revision=self._desk.wanted.revision)
         return [Log(taken, now_s), *self._show_status(now_s)]
 
-    def _directive_refused(
-        self, refusal: DirectiveRefused, order: MissionOrder, now_s: float
-    ) -> list[Output]:
+    def _directive_refused(self, refusal: DirectiveRefused, now_s: float) -> list[Output]:
         if not self._desk.refused(refusal):
             return []  # a late copy
-        self._remember(order)
+        self._remember_desk()
         refused = CommandRefused(command=None, problem=refusal.problem)
         return [Log(refused, now_s), *self._show_status(now_s)]
 
-    def _scheduled(self, order: MissionOrder, now_s: float) -> list[Output]:
+    def _scheduled(self, now_s: float) -> list[Output]:
         """Give the commands of the scenario whose time has come."""
         output: list[Output] = []
         for scheduled in self._scenario.operator[self._scheduled_done :]:
             if is_before(now_s, scheduled.at_s):
                 break
             self._scheduled_done += 1
-            output += self._commanded(operator_command(scheduled.command), order, now_s)
-            self._remember(order)  # that it was given, if it was refused, too
+            output += self._commanded(operator_command(scheduled.command), now_s)
+            self._remember_progress()
         return output
 
     # --- what the UAV brings ---------------------------------------------------------------------
 
-    def _take_report(
-        self, report: SortieReport, order: MissionOrder, now_s: float
-    ) -> list[Output]:
+    def _take_report(self, report: SortieReport, now_s: float) -> list[Output]:
         acknowledgement = Transmit(
             self._uav,
             Acknowledgement(acknowledges=Acknowledged.SORTIE_REPORT, reference=report.sortie),
@@ -270,11 +265,12 @@ class C3Agent:
         self._awaited = report.cargo
         self._no_next_sortie = report.next_sortie is None
         self._note_contacts(report)
+        self._remember_progress()
+        self._remember_auvs()
         output = [acknowledgement, *self._look_for_end(now_s)]
-        self._remember(order)
         return output + self._show_status(now_s)
 
-    def _take_over(self, batch: SampleBatch, order: MissionOrder, now_s: float) -> list[Output]:
+    def _take_over(self, batch: SampleBatch, now_s: float) -> list[Output]:
         for sample in batch.samples:
             problem = self._problem_with_sample(sample)
             if problem:
@@ -284,7 +280,6 @@ class C3Agent:
             if not self._has(sample):
                 new.append(sample)
                 self._note(sample)
-                self._auvs[sample.auv].samples_delivered += 1
                 self._store.put(SAMPLE, sample_key(sample.auv, sample.number), sample)
         auvs = dict.fromkeys(sample.auv for sample in batch.samples)
         output: list[Output] = [Transmit(self._uav, self._receipt(auvs))]
@@ -296,7 +291,6 @@ class C3Agent:
             oldest_age_s=_oldest_age_s(new, now_s),
         )
         output += [Log(delivered, now_s), *self._look_for_end(now_s)]
-        self._remember(order)
         return output + self._show_survey(now_s) + self._show_status(now_s)
 
     def _look_for_end(self, now_s: float) -> list[Output]:
@@ -308,6 +302,7 @@ class C3Agent:
         if self.finished or is_out or not self._no_next_sortie or not self._has_all_awaited:
             return []
         self.finished = True
+        self._remember_progress()
         completed = MissionCompleted(
             cells_delivered=self._cells_delivered,
             samples_delivered=self._samples_delivered,
@@ -423,7 +418,7 @@ class C3Agent:
                     next_contact_s=auv.next_contact_s,
                     searches_in_vain=auv.searches_in_vain,
                     last_met_s=auv.last_met_s,
-                    samples_delivered=auv.samples_delivered,
+                    samples_delivered=len(self._numbers.get(name, ())),
                 )
                 for name, auv in self._auvs.items()
             ),

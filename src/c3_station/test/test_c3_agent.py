@@ -79,6 +79,19 @@ SCENARIO = Scenario(
 STATUS_PERIOD_S = 10.0
 
 
+class WatchedStore(MemoryStore):
+    """Tells what is put into it."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.entries: set[tuple[str, str]] = set()
+
+    def put(self, kind: str, key: str, value: object) -> None:
+        """Set the value of an entry at the next commit."""
+        self.entries.add((kind, key))
+        super().put(kind, key, value)
+
+
 class Bench:
     """A station, driven second by second."""
 
@@ -853,6 +866,27 @@ def test_a_new_process_ends_the_mission_when_all_that_was_announced_is_here() ->
         bench.restart()
         bench.hear(batch(sample('auv_1', number, (number, 0))))
         assert bench.agent.finished == ends
+
+
+def test_what_is_stored_is_what_has_changed() -> None:
+    bench = Bench()
+    bench.store = watched = WatchedStore()
+    bench.agent = bench.make_agent()
+    bench.surveying()
+    both_auvs = {('auv', 'auv_1'), ('auv', 'auv_2')}
+    assert watched.entries == {('order', ''), ('progress', ''), *both_auvs}
+    watched.entries.clear()
+    bench.hear(batch(sample('auv_1', 0, (0, 0)), sample('auv_2', 4, (0, 1))))
+    assert watched.entries == {('sample', 'auv_1/0'), ('sample', 'auv_2/4')}
+    watched.entries.clear()
+    bench.hear(Pause(), src='operator')
+    assert watched.entries == {('desk', '')}
+    watched.entries.clear()
+    bench.hear(report(1, meeting('auv_1')))
+    assert watched.entries == {('progress', ''), *both_auvs}
+    watched.entries.clear()
+    bench.tick()
+    assert watched.entries == set()
 
 
 def test_a_command_of_the_scenario_is_given_once_by_all_processes() -> None:
