@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 import re
 from dataclasses import dataclass
+from hashlib import blake2b
 from typing import TYPE_CHECKING
 
 import msgspec
@@ -65,6 +66,9 @@ _FIGURES_IN = (
 
 Record = tuple[str, float, RosMessage]
 """A message with its absolute topic and its time, seconds."""
+
+_DIGEST_BYTES = 16
+"""Two different entries have the same digest in no mission, however long."""
 
 SCHEMA_VERSION = 1
 """Of ``summary.json``; a change that a reader would misread raises it."""
@@ -240,7 +244,7 @@ class Summarizer:
         self.contacts: dict[str, list[tuple[float, ContactState | None]]] = {}
         """By AUV: each change of what C3 made of its silence, with its stamp."""
         self._log: set[bytes] = set()
-        """Entries as they came: a node that was restarted may say its last ones again."""
+        """Digests of the entries that came: a restarted node may say its last ones again."""
         self._radio: RadioStatus | None = None
         self._unreadable = 0
         self._latest_s = 0.0
@@ -260,9 +264,10 @@ class Summarizer:
             case ClockTime(time_s=time_s) if topic == CLOCK.name:
                 self._latest_s = max(self._latest_s, time_s)
             case Text(data=data) if topic == MISSION_EVENTS.name:
-                if data in self._log:
+                digest = blake2b(data, digest_size=_DIGEST_BYTES).digest()
+                if digest in self._log:
                     return False
-                self._log.add(data)
+                self._log.add(digest)
                 self._json(data)
             case Text(data=data) if topic in _FIGURES_IN:
                 self._json(data)

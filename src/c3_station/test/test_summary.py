@@ -6,6 +6,7 @@ import functools
 import itertools
 import json
 import random
+import tracemalloc
 from collections.abc import Iterator, Mapping
 
 import msgspec
@@ -321,6 +322,19 @@ def test_an_entry_of_the_log_that_is_said_again_counts_once() -> None:
         assert not summarizer.message('/mission_events', entry)
     summarizer.message('/c3/mission_status', status_message({'auv_1': 6}))
     assert summarizer.summary() == summary_of(MISSION)
+
+
+def test_to_tell_entries_that_are_said_again_takes_little_memory() -> None:
+    summarizer = Summarizer()
+    tracemalloc.start()
+    for number in range(300):
+        # No figure is made of what cannot be read, so nothing else is kept of it.
+        entry = Text(b'%d' % number * 10_000)
+        assert summarizer.message('/mission_events', entry)
+        assert not summarizer.message('/mission_events', entry)
+    kept_bytes, _ = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert kept_bytes < 300 * 500
 
 
 def test_cells_that_the_operator_took_out_are_not_waited_for() -> None:
