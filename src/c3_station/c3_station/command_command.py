@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from c3_station.exit_codes import ExitCode
-from c3_station.operator_words import parse_command
+from c3_station.operator_words import parse_command, silence
 from c3_station.ros_environment import graph_environment
 from c3_station.run_folder import RunFolder
 from msgs_json.messages import CommandTaken
@@ -40,8 +40,7 @@ def command(run: Path, words: Sequence[str], console: Console) -> ExitCode:
 
     answer = say_to_c3(wanted, domain_id, folder.key)
     if answer is None:
-        problem = f'{run}: its C3 does not answer within {PATIENCE_S:g} s'
-        console.print(problem, style='bold red', markup=False, soft_wrap=True)
+        console.print(silence(folder, PATIENCE_S), style='bold red', markup=False, soft_wrap=True)
         return ExitCode.FAILED
     if not isinstance(answer, CommandTaken):
         problem = f'refused: {answer.problem}'

@@ -23,6 +23,7 @@ _REPEAT_S = 1.0
 _LISTEN_S = 0.05
 
 Answer = CommandTaken | CommandRefused
+"""It names the command: where two operators give the same one at a time, it is for both."""
 
 
 def say_to_c3(command: OperatorCommand, domain_id: int, key_file: Path) -> Answer | None:

@@ -22,6 +22,7 @@ from msgs_json.messages import (
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from c3_station.run_folder import RunFolder
     from c3_station.scenario import Scenario
     from msgs_json.messages import Directive
 
@@ -80,6 +81,17 @@ def words_of(command: OperatorCommand) -> str:
             return f'region {msgspec.json.encode(masked).decode()}'
         case _:
             return next(word for word, each in _WORDS.items() if each == command)
+
+
+def silence(folder: RunFolder, patience_s: float) -> str:
+    """Return what a person is told whose command was not answered, and what he can check."""
+    return (
+        f'{folder.path}: its C3 does not answer within {patience_s:g} s. Check that the mission is'
+        f' still being flown, that {folder.key} is its key, and that the clock here is not behind'
+        ' the one by which the last command was given: C3 takes an older command for a replay. The'
+        " mission's log says what C3 refuses. The command may have been taken all the same; given"
+        ' again it does no harm'
+    )
 
 
 def wishes(directive: Directive, scenario: Scenario) -> str:

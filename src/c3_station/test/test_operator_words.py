@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import hypothesis.strategies as st
 import pytest
 from hypothesis import given
 from msgspec.structs import replace
 
-from c3_station.operator_words import parse_command, wishes, words_of
+from c3_station.operator_words import parse_command, silence, wishes, words_of
+from c3_station.run_folder import RunFolder
 from c3_station.scenario_files import load_scenario
 from msgs_json.messages import (
     Abort,
@@ -38,6 +41,14 @@ commands = (
     | st.builds(ChangeLimit, sortie_limit_s=st.integers(1, 99_999).map(float))
     | st.builds(ChangeRegion, masked=st.lists(cells, max_size=3).map(tuple))
 )
+
+
+def test_an_operator_who_is_not_answered_is_told_what_to_check() -> None:
+    folder = RunFolder(Path('runs/ecc2009'))
+    told = silence(folder, 10.0)
+    assert told.startswith('runs/ecc2009: its C3 does not answer within 10 s. Check that ')
+    for checked in ('still being flown', str(folder.key), 'clock', 'replay', 'log'):
+        assert checked in told
 
 
 @given(commands)
