@@ -157,6 +157,17 @@ def test_a_limit_that_is_just_enough_is_flown_by() -> None:
     assert departed.limit_s == 24.0
 
 
+def test_a_limit_leaves_a_lost_auv_within_reach_for_it_may_be_heard_again() -> None:
+    bench = Bench(OneStep(guarantees_limit=True)).ordered(lost_after_sorties=1)
+    bench.home(auv_1=0)
+    (refused,) = said(bench.hear('c3', wanted(1, sortie_limit_s=16.0)), 'c3')
+    assert isinstance(refused, DirectiveRefused)
+    assert refused.problem == (
+        'sortie_limit_s is 16; allowed: at least 22, which a sortie to auv_2 alone takes at worst;'
+        ' it stays 100'
+    )
+
+
 def test_without_a_guarantee_any_limit_of_a_tick_is_flown_by() -> None:
     bench = Bench().ordered()
     assert said(bench.hear('c3', wanted(1, sortie_limit_s=1.0)), 'c3') == [acknowledged(1)]

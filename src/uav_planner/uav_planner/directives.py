@@ -39,8 +39,8 @@ def problem_with_guarantee(
     route
         Of the next sortie; it must keep the limit whatever the AUVs do.
     legs
-        Those of all AUVs that survey. The next sortie may not go to all of them, and yet each must
-        be within reach of some sortie.
+        Those of all AUVs that are out, or may be. The next sortie may not go to all of them, and
+        yet each must be within reach of some sortie: a lost one, too, may be heard again.
 
     """
     routes = {'the next sortie': route}

@@ -486,8 +486,8 @@ class UavAgent:
         problem = problem_with_limit(limit_s, fleet.mission)
         if problem or self._sortie is None or not self._planner.guarantees_limit:
             return problem
-        route, legs = self._sortie.plan.route, fleet.survey_legs()
-        return problem_with_guarantee(limit_s, fleet.mission, route, legs)
+        route = self._sortie.plan.route
+        return problem_with_guarantee(limit_s, fleet.mission, route, fleet.legs_out)
 
     # --- the sortie ------------------------------------------------------------------------------
 
