@@ -12,7 +12,7 @@ from rosbags.typesys import Stores, get_typestore
 from c3_station.bag import BagFacts, BagReader
 from c3_station.node_params import C3, UAV
 from c3_station.scenario_files import scenario_from_json
-from c3_station.summary import LoggedEvent, Summarizer, Summary, mission_start_s
+from c3_station.summary import LoggedEvent, Summarizer, Summary, digest, mission_start_s
 from msgs_json import codec
 from msgs_json.codec import MessageError
 from msgs_json.geometry import Point
@@ -27,7 +27,7 @@ from msgs_json.ros_messages import (
     odometry_from_cdr,
     text_from_cdr,
 )
-from msgs_json.topics import CLOCK, ODOM, RADIO_RX, ROUTE, STRING
+from msgs_json.topics import CLOCK, ODOM, RADIO_RX, RADIO_TX, ROUTE, STRING
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
@@ -65,6 +65,8 @@ class MissionRecord:
     """The worst-case route of each sortie from C3 to C3, with the time it was published."""
     survey: dict[tuple[str, int], Sample]
     """What was delivered to C3, by AUV and sample number."""
+    strange: int
+    """Messages to C3 that the UAV did not say: damaged or forged; none of it is in `survey`."""
     contacts: dict[str, tuple[tuple[float, ContactState | None], ...]]
     """By AUV: when C3 changed its mind about what its silence means."""
 
@@ -101,7 +103,7 @@ def gather_mission(records: Iterable[Record], facts: BagFacts) -> MissionRecord:
     summarizer = Summarizer()
     tracks: dict[str, Track] = {}
     routes: list[tuple[float, tuple[Point, ...]]] = []
-    survey: dict[tuple[str, int], Sample] = {}
+    deliveries = _Deliveries()
     for topic, _, message in records:
         summarizer.message(topic, message)
         match message:
@@ -112,22 +114,27 @@ def gather_mission(records: Iterable[Record], facts: BagFacts) -> MissionRecord:
                 track.z_m.append(message.z_m)
             case TrackPath() if topic == ROUTE.resolve(f'/{UAV}'):
                 routes.append((message.stamp_s, message.points))
+            case Text() if topic == RADIO_TX.resolve(f'/{UAV}'):
+                deliveries.said(message.data)
             case Text() if topic == RADIO_RX.resolve(f'/{C3}'):
-                _add_delivered(message.data, survey)
+                deliveries.heard(message.data)
     start_s = mission_start_s(summarizer.events)
     for track in tracks.values():
         track.times_s = [time_s - start_s for time_s in track.times_s]
     events = (
         LoggedEvent(each.stamp_s - start_s, each.source, each.event) for each in summarizer.events
     )
+    scenario = _scenario(summarizer.events)
+    survey, strange = deliveries.survey(scenario)
     return MissionRecord(
-        scenario=_scenario(summarizer.events),
+        scenario=scenario,
         summary=summarizer.summary(facts),
         facts=facts,
         events=tuple(sorted(events, key=lambda each: each.stamp_s)),
         tracks=tracks,
         routes=tuple((time_s - start_s, points) for time_s, points in routes),
         survey=survey,
+        strange=strange,
         contacts={
             auv: tuple((stamp_s - start_s, contact) for stamp_s, contact in changes)
             for auv, changes in summarizer.contacts.items()
@@ -158,15 +165,58 @@ def _time_s(time: Any) -> float:  # noqa: ANN401  message classes are made at ru
     return seconds + fraction / NANOSECONDS
 
 
-def _add_delivered(payload: bytes, survey: dict[tuple[str, int], Sample]) -> None:
-    """Add what a batch brought; C3 hears each one, and what it refuses is none."""
-    try:
-        _, body = codec.decode(payload)
-    except MessageError:
-        return
-    if isinstance(body, SampleBatch):
-        for sample in body.samples:
-            survey[sample.auv, sample.number] = sample
+class _Deliveries:
+    """
+    What C3 heard by radio, as far as the UAV said it.
+
+    C3 refuses by its key what was damaged on the way, or forged. A bag has no key: genuine is what
+    is the same as something that the UAV said, byte for byte. Where the bag does not hold what the
+    UAV said (at sea that may be on another graph), all is genuine but what cannot be.
+    """
+
+    def __init__(self) -> None:
+        self._said: set[bytes] = set()
+        """Digests, as the keys of what was heard."""
+        self._heard: dict[bytes, tuple[Sample, ...] | None] = {}
+        """The samples that each message brought; None where it cannot be read."""
+
+    def said(self, payload: bytes) -> None:
+        """Take what the UAV said."""
+        self._said.add(digest(payload))
+
+    def heard(self, payload: bytes) -> None:
+        """Take what C3 heard; some of it several times."""
+        try:
+            _, body = codec.decode(payload)
+        except MessageError:
+            samples = None
+        else:
+            samples = body.samples if isinstance(body, SampleBatch) else ()
+        self._heard[digest(payload)] = samples
+
+    def survey(self, scenario: Scenario | None) -> tuple[dict[tuple[str, int], Sample], int]:
+        """Return the samples by AUV and number, and how many messages were not genuine."""
+        survey: dict[tuple[str, int], Sample] = {}
+        strange = 0
+        for key, samples in self._heard.items():
+            is_said = key in self._said or not self._said
+            if is_said and samples is not None and _can_be(samples, scenario):
+                for sample in samples:
+                    survey.setdefault((sample.auv, sample.number), sample)
+            else:
+                strange += 1
+        return survey, strange
+
+
+def _can_be(samples: Iterable[Sample], scenario: Scenario | None) -> bool:
+    """Return whether samples are of AUVs and cells of the mission, as C3 demands it, too."""
+    if scenario is None:
+        return True
+    auvs = {auv.name for auv in scenario.auvs}
+    return all(
+        sample.auv in auvs and scenario.region.problem_with(sample.cell) is None
+        for sample in samples
+    )
 
 
 def _scenario(events: Iterable[LoggedEvent]) -> Scenario | None:

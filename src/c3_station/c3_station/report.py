@@ -72,6 +72,7 @@ def render_report(
         scenario=scenario,
         summary=summary,
         facts=record.facts,
+        strange=record.strange,
         checks=check_conditions(summary, scenario) if scenario else None,
         comparisons=comparisons(summary) if scenario and is_reference_mission(scenario) else (),
         figures=[

@@ -67,9 +67,6 @@ _FIGURES_IN = (
 Record = tuple[str, float, RosMessage]
 """A message with its absolute topic and its time, seconds."""
 
-_DIGEST_BYTES = 16
-"""Two different entries have the same digest in no mission, however long."""
-
 SCHEMA_VERSION = 1
 """Of ``summary.json``; a change that a reader would misread raises it."""
 
@@ -229,6 +226,11 @@ class LoggedEvent:
     event: Event
 
 
+def digest(payload: bytes) -> bytes:
+    """Return what stands for a payload where many are remembered; no two have the same."""
+    return blake2b(payload, digest_size=16).digest()
+
+
 class Summarizer:
     """
     Gathers a mission's events while it is flown or read, and makes the summary of them.
@@ -264,10 +266,10 @@ class Summarizer:
             case ClockTime(time_s=time_s) if topic == CLOCK.name:
                 self._latest_s = max(self._latest_s, time_s)
             case Text(data=data) if topic == MISSION_EVENTS.name:
-                digest = blake2b(data, digest_size=_DIGEST_BYTES).digest()
-                if digest in self._log:
+                entry = digest(data)
+                if entry in self._log:
                     return False
-                self._log.add(digest)
+                self._log.add(entry)
                 self._json(data)
             case Text(data=data) if topic in _FIGURES_IN:
                 self._json(data)

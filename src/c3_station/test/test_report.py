@@ -40,7 +40,7 @@ from c3_station.scenario_files import (
 from c3_station.summary import LoggedEvent, failed_conditions, summarize
 from msgs_json.agent_shell import Frame
 from msgs_json.messages import ContactState, Met, Missed
-from msgs_json.ros_messages import to_cdr
+from msgs_json.ros_messages import Text, to_cdr
 
 NAMES = ['routes', 'first_sortie', 'coverage', 'contacts', 'neglect', 'sorties', 'survey']
 MAPS = ['routes', 'first_sortie', 'survey']
@@ -97,6 +97,38 @@ def test_record_holds_what_the_bag_does(minimal: Path) -> None:
     assert [each.stamp_s for each in record.events] == sorted(
         each.stamp_s for each in record.events
     )
+
+
+def test_what_the_uav_did_not_say_is_in_no_survey(minimal: Path) -> None:
+    with BagReader(minimal / 'bag') as reader:
+        records = list(bag_records(reader))
+        facts = reader.facts
+    genuine = gather_mission(records, facts)
+    assert genuine.strange == 0
+    by_radio = [
+        (place, message)
+        for place, (topic, _, message) in enumerate(records)
+        if topic == '/c3/radio/rx' and isinstance(message, Text) and b'SampleBatch' in message.data
+    ]
+    place, heard = by_radio[0]
+    damaged = Text(re.sub(rb'"value":\d', b'"value":9', heard.data))
+    assert damaged != heard
+    outside = Text(re.sub(rb'"cell":\[\d+', b'"cell":[999', heard.data))
+    broken = Text(heard.data[:-1])
+    _, time_s, _ = records[place]
+    for each in (damaged, outside, broken):
+        strange = [('/c3/radio/rx', time_s, each)]
+        for at in (place, place + 1):
+            record = gather_mission([*records[:at], *strange, *records[at:]], facts)
+            assert record.survey == genuine.survey
+            assert record.strange == 1
+    # Without what the UAV said, all but the damaged value is known to be wrong.
+    unsaid = [each for each in records if each[0] != '/uav/radio/tx']
+    strange = [('/c3/radio/rx', time_s, each) for each in (outside, broken)]
+    record = gather_mission([*unsaid, *strange], facts)
+    assert (record.survey, record.strange) == (genuine.survey, 2)
+    page = render_report(record, (), 'rebuild', None)
+    assert '2 messages reached C3 otherwise than the UAV said' in ' '.join(page.split())
 
 
 # --- the files -----------------------------------------------------------------------------------
