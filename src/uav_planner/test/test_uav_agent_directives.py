@@ -11,6 +11,7 @@ from hypothesis import given, settings
 from msgspec.structs import replace
 from uav_bench import (
     BOTH_KINDS,
+    PATHS,
     REGION,
     Bench,
     OneStep,
@@ -30,7 +31,9 @@ from msgs_json.messages import (
     DirectiveRefused,
     DirectiveTaken,
     GivenUp,
+    Met,
     Missed,
+    PathAssignment,
     RecoveryOrder,
     RecoveryReason,
     Sample,
@@ -260,6 +263,40 @@ def test_an_abort_turns_it_home_at_once_and_is_no_search_in_vain() -> None:
     assert of(GivenUp, events(output)) == of(Missed, events(output)) == []
     assert delivered.not_reached == ('auv_1', 'auv_2')
     assert delivered.lost == ()
+
+
+@BOTH_KINDS
+def test_after_an_abort_nobody_is_given_a_path(guarantees_limit: bool) -> None:
+    """Neither those who are met on the way home nor those who were not told theirs by then."""
+    bench = Bench(OneStep(guarantees_limit=guarantees_limit)).ordered()
+    bench.until(SortieDeparted)
+    bench.tick(5)
+    full = report('auv_1').samples
+    (receipt,) = said(bench.hear('auv_1', report('auv_1', samples=full[:1])), 'auv_1')
+    bench.hear('c3', wanted(1, aborted=True))
+    output = bench.hear('auv_1', SampleBatch(samples=full[1:]))
+    for _ in range(30):
+        output += [*bench.meet('auv_1'), *bench.meet('auv_2'), *(ticked := bench.tick())]
+        bench.deliver(ticked)
+    assert len(of(SortieReturned, events(output))) == 1
+    assert {type(each) for auv in PATHS for each in said(output, auv)} == {type(receipt)}
+    assert of(Met, events(output)) == []
+    assert {('auv_1', 0), ('auv_1', 1)} <= brought(bench)  # its data is taken all the same
+    bench.hear('c3', wanted(2))
+    bench.until(SortieDeparted)
+    legs = [said(bench.meet(auv), auv)[-1] for auv in PATHS]
+    assert [each.leg.leg_id for each in legs if isinstance(each, PathAssignment)] == [1, 1]
+
+
+@BOTH_KINDS
+def test_after_an_abort_one_that_was_told_to_stay_up_is_told_again(guarantees_limit: bool) -> None:
+    bench = Bench(OneStep(guarantees_limit=guarantees_limit)).ordered()
+    bench.hear('c3', wanted(1, recalled=('auv_1',)))
+    bench.until(SortieDeparted)
+    bench.meet('auv_1', acknowledges=False)
+    bench.hear('c3', wanted(2, aborted=True, recalled=('auv_1',)))
+    bench.tick()
+    assert isinstance(said(bench.meet('auv_1'), 'auv_1')[-1], RecoveryOrder)
 
 
 @pytest.mark.parametrize('dies', [False, True])

@@ -783,6 +783,8 @@ class UavAgent:
         hand_over = fleet.hand_over_to(auv)
         if hand_over is None:
             return output
+        if self._is_called_home and hand_over.plan is not None:
+            return output  # it waits where it lies, like those who are not met any more
         has_all = self._custody.has_all(auv, hand_over.samples_taken)
         if has_all or not self._waits_for_data(fleet, hand_over, auv):
             output += fleet.answer(auv, self._now_s)
@@ -799,6 +801,8 @@ class UavAgent:
 
     def _may_meet(self, sortie: _Sortie, auv: str) -> bool:
         """Return whether an AUV that is heard is met now."""
+        if self._is_called_home:
+            return False
         if not self._planner.guarantees_limit:
             is_turn = auv == sortie.turn or auv in sortie.fleet.lost
             return is_turn and (sortie.departed_s is not None or self._may_depart)
