@@ -15,6 +15,7 @@ from uav_bench import (
     PATHS,
     REGION,
     Bench,
+    NotHeard,
     OneStep,
     auv_order,
     duration_s,
@@ -26,7 +27,7 @@ from uav_bench import (
 )
 from uav_sea import Sea, missions
 
-from msgs_json.drivers import UavDriver, VehicleState, VehicleUnavailableError
+from msgs_json.drivers import UavDriver, VehicleUnavailableError
 from msgs_json.geometry import Point
 from msgs_json.messages import (
     Met,
@@ -231,22 +232,6 @@ def test_a_vehicle_that_is_not_heard_for_a_tick_is_not_taken_for_blown_away(tick
         with contextlib.suppress(VehicleUnavailableError):
             output += bench.tick()
     assert of(SearchBrokenOff, events(output)) == []
-
-
-class NotHeard:
-    """A vehicle whose state is unknown at one tick."""
-
-    def __init__(self, driver: UavDriver, at_s: float) -> None:
-        self._driver = driver
-        self._at_s = at_s
-
-    def go_to(self, target: Point) -> None:
-        self._driver.go_to(target)
-
-    def step(self, now_s: float) -> VehicleState:
-        if now_s == self._at_s:
-            raise VehicleUnavailableError('no position')
-        return self._driver.step(now_s)
 
 
 @given(missions(), st.integers(0, 2**32), st.sampled_from([0.0, 0.0, 0.3]))

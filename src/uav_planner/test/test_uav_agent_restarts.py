@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Callable
 from random import Random
 from typing import TYPE_CHECKING
@@ -10,11 +11,12 @@ import hypothesis.strategies as st
 import msgspec
 import pytest
 from hypothesis import given, settings
-from uav_bench import Bench, brought
+from uav_bench import C3, Bench, NotHeard, brought, events, of, order, vehicle
 from uav_sea import Sea, missions
 
 from msgs_json.agent import Log, Output, Transmit
-from msgs_json.messages import PlanningAhead, SampleBatch
+from msgs_json.drivers import VehicleUnavailableError
+from msgs_json.messages import PlanningAhead, SampleBatch, SortieDeparted
 from uav_planner.planners import make_planner
 from uav_planner.planners.ecc2009 import Ecc2009Planner
 from uav_planner.planners.robust import RobustPlanner
@@ -76,3 +78,21 @@ def test_crashes_between_any_two_inputs_change_nothing(
     assert words(crashed) == words(undisturbed)
     assert brought(crashed) == brought(undisturbed)
     assert crashed.agent.finished == undisturbed.agent.finished
+
+
+def test_what_was_decided_as_the_vehicle_failed_is_told_with_the_next_commit() -> None:
+    """Else a process that dies before its vehicle is heard again would have told nobody."""
+    undisturbed = Bench().ordered()
+    undisturbed.until(SortieDeparted)
+    bench = Bench(driver=NotHeard(vehicle(), undisturbed.now_s)).ordered()
+    while bench.now_s < undisturbed.now_s:
+        with contextlib.suppress(VehicleUnavailableError):
+            bench.tick()
+    bench.hear('c3', order())  # whatever it hears
+    bench.restart()
+    for _ in range(3):
+        with contextlib.suppress(VehicleUnavailableError):
+            bench.tick()
+    told = [event for output in bench.outputs for event in events(output)]
+    assert len(of(SortieDeparted, told)) == 1
+    assert bench.here != C3

@@ -11,7 +11,13 @@ import pytest
 from msgs_json.agent import Log, Output, Publish, Refuse, Transmit
 from msgs_json.codec import Refusal
 from msgs_json.custody import SampleCustody
-from msgs_json.drivers import NoPorts, UavDriver, UavDriverSetup
+from msgs_json.drivers import (
+    NoPorts,
+    UavDriver,
+    UavDriverSetup,
+    VehicleState,
+    VehicleUnavailableError,
+)
 from msgs_json.geometry import Cell, GridSpec, Point
 from msgs_json.messages import (
     Acknowledged,
@@ -221,6 +227,22 @@ def vehicle(*, speed_mps: float = 5.0, wind: Flow = STILL) -> UavDriver:
     """Return the UAV's vehicle; the agent believes that it makes 5 m/s."""
     setup = UavDriverSetup(name='uav', home=C3, speed_mps=speed_mps, altitude_m=30.0, wind=wind)
     return make_driver(setup, NoPorts())
+
+
+class NotHeard:
+    """A vehicle whose state is unknown at one tick."""
+
+    def __init__(self, driver: UavDriver, at_s: float) -> None:
+        self._driver = driver
+        self._at_s = at_s
+
+    def go_to(self, target: Point) -> None:
+        self._driver.go_to(target)
+
+    def step(self, now_s: float) -> VehicleState:
+        if now_s == self._at_s:
+            raise VehicleUnavailableError('no position')
+        return self._driver.step(now_s)
 
 
 def order(**changes: object) -> MissionOrder:

@@ -247,7 +247,11 @@ class UavAgent:
         """When it got the order for that; None once it is done, or there is no time for it."""
         self._headway = Headway(setup.speed_mps * setup.tick_s)
         self._untold: list[Output] = []
-        """What was decided and not said: the vehicle may fail between the two."""
+        """
+        What was decided and not said: the vehicle may fail between the two.
+
+        It need not outlive the process: the next input stores what was decided, and tells it.
+        """
         self._heard: dict[str, tuple[float, SurfacingReport]] = {}
         """When AUVs were heard last whose turn it was not, and what they said."""
         self._undelivered: deque[SortieReport] = deque()
@@ -265,7 +269,8 @@ class UavAgent:
     def receive(self, src: str, message: Message, now_s: float) -> list[Output]:
         """Take an order, a report or samples of an AUV, an acknowledgement or a receipt."""
         self._look(now_s)
-        output = self._receive(src, message)
+        # What is decided is stored with this input, so this input must tell it.
+        output = [*self._tell(), *self._receive(src, message)]
         self._remember()
         return output
 
@@ -358,7 +363,7 @@ class UavAgent:
             case MissionOrder() if src == self._setup.c3:
                 return self._ordered(message)
             case SurfacingReport() if fleet is not None and src == message.auv in fleet.names:
-                return [*self._tell(), *self._hear(fleet, message)]
+                return self._hear(fleet, message)
             case SampleBatch() if fleet is not None and src in fleet.names:
                 return self._take_samples(fleet, src, message)
             case Directive() if fleet is not None and src == self._setup.c3:
