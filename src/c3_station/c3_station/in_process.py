@@ -60,13 +60,14 @@ def fly(
 
     """
     params = mission_params(scenario)
-    world = make_world(params.world)
+    makers = _makers(params, planner)
     make_setting = make_setting or in_memory()
+    settings = {name: make_setting(name) for name in makers}
+    authenticator = settings[C3].authenticator
+    world = make_world(params.world, authenticator)
     if scenario.faults != Faults():
-        authenticator = make_setting(C3).authenticator
-        makers = _makers(params, planner)
         return fly_with_faults(scenario, world, makers, authenticator, sink)
-    run_mission(world, make_agents(params, make_setting, planner), sink)
+    run_mission(world, {name: make(settings[name]) for name, make in makers.items()}, sink)
     return FaultTally()
 
 
