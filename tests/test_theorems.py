@@ -727,6 +727,31 @@ def test_everybody_is_met_within_the_worst_case_and_this_is_within_the_limit(
     return flight
 
 
+def test_a_hop_that_only_rounding_makes_takes_no_tick() -> None:
+    """Two AUVs are searched from one place, whose coordinates differ in the last bit."""
+    at_once = Fate(hop=0.0, along=0.0, when=0.0, deaf_ticks=0, samples=0)
+    further_on = replace(at_once, along=1.0)
+    case = Case(
+        mission=MissionSpec(
+            grid=GridSpec(cols=4, rows=2, cell_m=1.743),
+            c3=Point(east_m=0.0, north_m=0.0),
+            radio_range_m=1.743,
+            uav_speed_mps=3.486,
+            tick_s=1.0,
+            sortie_limit_s=4.0,
+            path_cells=2,
+            min_path_cells=1,
+        ),
+        paths=(((0, 0), (0, 1)), ((2, 1), (3, 1)), ((0, 0), (1, 0))),
+        deadline_ticks=(0, 0, 0),
+        auv_speed_mps=1.743,
+        fates=((further_on,), (at_once,), (at_once, further_on)),
+    )
+    flight = Flight(case, 'robust')
+    check_everybody_is_met(flight)
+    check_worst_case(flight)
+
+
 def hands_data_over_for_ticks(flight: Flight) -> bool:
     return flight.told_to_wait > 1
 

@@ -49,7 +49,7 @@ from uav_planner.hand_over import HandOver, problem_with_samples
 from uav_planner.headway import Headway
 from uav_planner.mission_order import UavSetup, mission_spec, problem_with_order
 from uav_planner.planning import MissionSpec, Planner, Prospect, SortiePlan
-from uav_planner.sortie import Route, search_times_s, worst_case_s
+from uav_planner.sortie import Route, hop_ticks, search_times_s, worst_case_s
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -637,7 +637,7 @@ class UavAgent:
         while not sortie.goes_home:
             waypoint = route[sortie.cursor]
             if waypoint.auv not in sortie.met:
-                if not self._is_at(waypoint.point, position):
+                if not self._is_at(waypoint.point, position, sortie.mission):
                     break
                 if is_before(self._now_s, waypoint.surface_deadline_s):
                     break
@@ -667,7 +667,10 @@ class UavAgent:
             return [Log(GivenUp(sortie=sortie.number, auv=auv), self._now_s)]
         return []
 
-    def _is_at(self, point: Point, position: Point) -> bool:
+    def _is_at(self, point: Point, position: Point, mission: MissionSpec) -> bool:
+        # What the plan counts as no flight at all must not cost a tick.
+        if hop_ticks(mission, position, point) == 0:
+            return True
         return position.distance_m(point) <= self._setup.arrival_radius_m
 
     # --- back at C3 ------------------------------------------------------------------------------
@@ -677,7 +680,9 @@ class UavAgent:
         fleet = sortie.fleet
         if sortie.departed_s is None or not sortie.goes_home:
             return []
-        if not self._is_at(sortie.mission.c3, position) or self._awaits_answer(sortie, position):
+        if not self._is_at(sortie.mission.c3, position, sortie.mission) or self._awaits_answer(
+            sortie, position
+        ):
             return []
         searched = sortie.met.keys() | sortie.missed
         overlooked = tuple(leg.auv for leg in fleet.survey_legs() if leg.auv not in searched)
