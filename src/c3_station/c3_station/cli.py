@@ -341,6 +341,7 @@ def _check_options(parser: argparse.ArgumentParser) -> None:
 
 def _check(options: argparse.Namespace, console: Console) -> ExitCode:
     from c3_station.graph import write_params
+    from c3_station.radio_checks import copies_said
     from c3_station.scenario_files import load_scenario
 
     scenario = load_scenario(options.scenario)
@@ -349,6 +350,9 @@ def _check(options: argparse.Namespace, console: Console) -> ExitCode:
         f' planner {scenario.planner.name}',
         highlight=False,
     )
+    repeats = copies_said(scenario)
+    if repeats:
+        console.print(repeats, highlight=False, soft_wrap=True)
     if options.params is not None:
         write_params(scenario, options.params, rate=_DEFAULT_RATE, bag=Path('bag'))
         console.print(f'parameters of all nodes written to {options.params}', highlight=False)
