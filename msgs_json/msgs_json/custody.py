@@ -111,16 +111,15 @@ class SampleCustody:
         """Return whether a sample is kept, or at C3."""
         return (auv, number) in self._kept or number in self._at_c3.get(auv, ())
 
-    def has_all(self, auv: str, samples_taken: int) -> bool:
-        """Return whether all samples that an AUV has taken are kept, or at C3."""
+    def has_all(
+        self, auv: str, samples_taken: int, without: NumberSet | frozenset[int] = frozenset()
+    ) -> bool:
+        """Return whether all samples of an AUV, but some numbers, are kept, or at C3."""
         at_c3 = self._at_c3.get(auv)
         first = at_c3.prefix if at_c3 is not None else 0
-        return all(self.has(auv, number) for number in range(first, samples_taken))
-
-    @property
-    def is_passed_on(self) -> bool:
-        """Return whether the next one on the way holds all that is kept."""
-        return not any(True for _ in self._waiting())
+        return all(
+            number in without or self.has(auv, number) for number in range(first, samples_taken)
+        )
 
     @property
     def spans(self) -> tuple[SampleSpan, ...]:
@@ -144,7 +143,8 @@ class SampleCustody:
         """Return what is to be passed on and was not said of late."""
         size = self._batch_samples
         due = [sample for sample in self._waiting() if self._is_due(sample, now_s)]
-        due = due[: BATCHES_MAX * size]
+        # Said longest ago, or never, first: what is never taken over holds up nothing else.
+        due = sorted(due, key=self._last_said_s)[: BATCHES_MAX * size]
         for sample in due:
             self._said_s[sample.auv, sample.number] = now_s
         return [
@@ -185,8 +185,11 @@ class SampleCustody:
                 yield sample
 
     def _is_due(self, sample: Sample, now_s: float) -> bool:
-        said_s = self._said_s.get((sample.auv, sample.number), -math.inf)
+        said_s = self._last_said_s(sample)
         return now_s > said_s and not is_before(now_s, said_s + self._response_s)
+
+    def _last_said_s(self, sample: Sample) -> float:
+        return self._said_s.get((sample.auv, sample.number), -math.inf)
 
     # --- to the one before on the way ------------------------------------------------------------
 

@@ -158,10 +158,8 @@ def test_what_the_next_one_holds_is_not_said_again_but_kept() -> None:
     custody = custody_of(0, 1, 2)
     custody.batches(0.0)
     custody.passed_on(SampleReceipt(held=(span(0, 1), span(2, 3)), at_c3=()))
-    assert not custody.is_passed_on
     assert numbers(custody.batches(2.0)) == [[1]]
     custody.passed_on(SampleReceipt(held=(span(0, 3),), at_c3=()))
-    assert custody.is_passed_on
     assert custody.batches(9.0) == []
     assert custody.first_batch(9.0) == ()
     assert custody.spans == (span(0, 3),)
@@ -173,7 +171,7 @@ def test_what_is_at_c3_is_forgotten() -> None:
     assert custody.spans == (span(1, 3),)
     custody.passed_on(SampleReceipt(held=(), at_c3=(span(0, 3),)))
     assert custody.spans == ()
-    assert custody.is_passed_on
+    assert custody.batches(9.0) == []
 
 
 def test_a_receipt_that_overtook_another_costs_no_sample() -> None:
@@ -189,7 +187,7 @@ def test_a_receipt_for_one_auv_says_nothing_of_another() -> None:
     custody.take([sample(0, 'auv_2')])
     custody.passed_on(SampleReceipt(held=(span(0, 1),), at_c3=()))
     custody.passed_on(SampleReceipt(held=(span(0, 1, 'auv_2'),), at_c3=()))
-    assert custody.is_passed_on
+    assert custody.batches(9.0) == []
 
 
 @pytest.mark.parametrize(
@@ -241,6 +239,20 @@ def test_all_of_an_auv_is_here_when_no_number_is_missing() -> None:
     assert not custody.has_all('auv_1', 4)
     assert custody.has_all('auv_2', 0)
     assert not custody.has_all('auv_2', 1)
+
+
+def test_all_but_some_numbers_may_be_enough() -> None:
+    custody = custody_of(0, 2)
+    assert custody.has_all('auv_1', 3, frozenset({1}))
+    assert not custody.has_all('auv_1', 4, frozenset({1}))
+
+
+def test_what_is_never_taken_over_holds_up_nothing_else() -> None:
+    """The next one on the way refuses more of it than is said at a time."""
+    custody = custody_of(*range(PER_FRAME * (BATCHES_MAX + 1)))
+    assert numbers(custody.batches(0.0))[0][0] == 0
+    assert numbers(custody.batches(5.0))[0][0] == PER_FRAME * BATCHES_MAX
+    assert numbers(custody.batches(5.0))[0][0] == PER_FRAME * (BATCHES_MAX - 1)
 
 
 def test_a_process_after_this_one_keeps_the_same_in_the_same_order() -> None:

@@ -26,6 +26,7 @@ from uav_bench import (
 from uav_sea import Diver, Sea, missions
 
 from msgs_json.agent import Refuse
+from msgs_json.codec import Refusal
 from msgs_json.messages import (
     Acknowledged,
     LegOutcome,
@@ -203,15 +204,69 @@ def test_an_auv_to_be_recovered_is_told_so_only_when_its_data_is_across(
     assert [contact.auv for contact in second.next_sortie.contacts] == ['auv_2']
 
 
-@pytest.mark.parametrize('sample', [report('auv_2').samples[0], SAMPLES[0]])
-def test_a_batch_with_a_sample_that_cannot_be_its_speakers_is_refused(sample: Sample) -> None:
+# --- samples that cannot be ----------------------------------------------------------------------
+
+DAMAGED = {
+    'off_the_region': (
+        msgspec.structs.replace(SAMPLES[5], cell=(6, 0)),
+        'sample 5 of auv_1: cell [6, 0] lies outside the region of 6 x 2 cells',
+    ),
+    'of_another': (
+        msgspec.structs.replace(SAMPLES[5], auv='auv_2'),
+        'sample 5 that auv_1 hands over is of auv_2',
+    ),
+}
+SOUND = (SampleSpan(auv='auv_1', first=0, until=5), SampleSpan(auv='auv_1', first=6, until=8))
+
+
+@pytest.mark.parametrize(('damaged', 'problem'), DAMAGED.values(), ids=DAMAGED)
+@pytest.mark.parametrize('is_reported', [True, False])
+@BOTH_KINDS
+def test_a_sample_that_cannot_be_is_refused_and_not_waited_for(
+    guarantees_limit: bool, is_reported: bool, damaged: Sample, problem: str
+) -> None:
+    """By its AUV, its number and what is wrong; all that comes with it is taken."""
+    bench = over_auv_1(Bench(OneStep(guarantees_limit=guarantees_limit)).ordered())
+    with_damage = (*SAMPLES[:5], damaged, *SAMPLES[6:])
+    if is_reported:
+        output = bench.hear('auv_1', laden(samples=with_damage))
+    else:
+        bench.hear('auv_1', laden(0))
+        output = bench.hear('auv_1', SampleBatch(samples=with_damage[1:]))
+    assert output[0] == Refuse('auv_1', Refusal.CONTRADICTORY, problem)
+    receipt, assignment = said(output, 'auv_1')
+    assert receipt == SampleReceipt(held=SOUND, at_c3=())
+    assert isinstance(assignment, PathAssignment)
+    bench.meet('auv_2', samples=())
+    bench.home()
+    assert brought(bench) == {('auv_1', number) for number in (0, 1, 2, 3, 4, 6, 7)}
+
+
+@pytest.mark.parametrize(('damaged', 'problem'), DAMAGED.values(), ids=DAMAGED)
+@pytest.mark.parametrize('dies', [False, True])
+@BOTH_KINDS
+def test_an_auv_to_be_recovered_is_told_so_though_a_sample_of_it_is_damaged(
+    guarantees_limit: bool, dies: bool, damaged: Sample, problem: str
+) -> None:
+    bench = over_auv_1(Bench(OneStep(guarantees_limit=guarantees_limit)).ordered())
+    bench.hear('auv_1', laden(0, **ABORTED))
+    refused, _ = bench.hear('auv_1', SampleBatch(samples=(SAMPLES[1], damaged)))
+    assert refused == Refuse('auv_1', Refusal.CONTRADICTORY, problem)
+    if dies:
+        bench.restart()
+    _, order = said(bench.hear('auv_1', batch(2, 3, 4, 6, 7)), 'auv_1')
+    assert order == RecoveryOrder(auv='auv_1', leg_id=0, reason=RecoveryReason.ABORTED)
+    # One that says the damaged one again hears the same again.
+    again = bench.hear('auv_1', laden(samples=(damaged,), **ABORTED))
+    assert again[0] == refused
+    assert said(again, 'auv_1')[-1] == order
+
+
+def test_a_damaged_sample_that_comes_sound_after_all_is_taken() -> None:
     bench = over_auv_1(Bench().ordered())
-    alien = SampleBatch(samples=(SAMPLES[1], msgspec.structs.replace(sample, cell=(6, 0))))
-    (refused,) = bench.hear('auv_1', alien)
-    assert isinstance(refused, Refuse)
-    bench.meet('auv_1', samples=())
-    _, delivered = bench.home()
-    assert delivered.cargo == ()
+    damaged, _ = DAMAGED['off_the_region']
+    bench.hear('auv_1', laden(samples=(*SAMPLES[:5], damaged)))
+    assert said(bench.hear('auv_1', batch(5)), 'auv_1')[0] == held(0, 6)
 
 
 # --- over a sea ----------------------------------------------------------------------------------

@@ -287,7 +287,7 @@ class Fleet:
         unanswered = self.hand_over(report)
         if unanswered is not None:
             return unanswered.problem_with(report)
-        return problem_with_report(report, self._auvs[report.auv].leg, self.ordered_region)
+        return problem_with_report(report, self._auvs[report.auv].leg)
 
     def meet(
         self, report: SurfacingReport, to_meet: Container[str], position: Point, now_s: float

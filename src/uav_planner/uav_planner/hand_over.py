@@ -10,8 +10,7 @@ from msgs_json.messages import Acknowledged, Acknowledgement, RecoveryReason
 from uav_planner.planning import PlanResult
 
 if TYPE_CHECKING:
-    from msgs_json.geometry import GridSpec
-    from msgs_json.messages import Leg, Sample, SurfacingReport
+    from msgs_json.messages import Leg, SurfacingReport
 
 HAND_OVER_TICKS = 5
 """
@@ -87,7 +86,7 @@ class HandOver:
         )
 
 
-def problem_with_report(report: SurfacingReport, leg: Leg, region: GridSpec) -> str | None:
+def problem_with_report(report: SurfacingReport, leg: Leg) -> str | None:
     """Return what contradicts the leg that was handed over, or None."""
     if report.leg_id != leg.leg_id:
         return f'leg_id must be {leg.leg_id}, is {report.leg_id}'
@@ -98,15 +97,4 @@ def problem_with_report(report: SurfacingReport, leg: Leg, region: GridSpec) -> 
             f'after {report.moves_done} moves cell must be {list(leg.path[report.moves_done])},'
             f' is {list(report.cell)}'
         )
-    return problem_with_samples(report.samples, report.auv, region)
-
-
-def problem_with_samples(samples: tuple[Sample, ...], auv: str, region: GridSpec) -> str | None:
-    """Return why an AUV cannot have taken its samples, or None."""
-    for sample in samples:
-        if sample.auv != auv:
-            return f'sample {sample.number} is of {sample.auv}, {auv} hands it over'
-        problem = region.problem_with(sample.cell)
-        if problem:
-            return f'sample {sample.number}: {problem}'
     return None

@@ -45,10 +45,11 @@ from uav_planner.directives import (
     problem_with_region,
 )
 from uav_planner.fleet import Fleet, FleetMemory
-from uav_planner.hand_over import HandOver, problem_with_samples
+from uav_planner.hand_over import HandOver
 from uav_planner.headway import Headway
 from uav_planner.mission_order import UavSetup, mission_spec, problem_with_order
 from uav_planner.planning import MissionSpec, Planner, Prospect, SortiePlan
+from uav_planner.sample_intake import SampleIntake
 from uav_planner.sortie import Route, hop_ticks, search_times_s, worst_case_s
 
 if TYPE_CHECKING:
@@ -231,6 +232,7 @@ class UavAgent:
         self._driver = driver
         self._store = store
         self._custody = custody
+        self._intake = SampleIntake(store, custody)
         self._now_s = 0.0
         self._position: Point | None = None
         self._fleet: Fleet | None = None
@@ -772,30 +774,26 @@ class UavAgent:
         """Go on with the hand-over to an AUV that was met and is still there."""
         if fleet.hand_over(report) is None:
             return []
-        if not problem_with_samples(report.samples, report.auv, fleet.ordered_region):
-            self._custody.take(report.samples)
-        return self._answer(fleet, report.auv)
+        refused = self._intake.take(report.auv, report.samples, fleet.ordered_region)
+        return [*refused, *self._answer(fleet, report.auv)]
 
     def _take_samples(self, fleet: Fleet, auv: str, batch: SampleBatch) -> list[Output]:
-        problem = problem_with_samples(batch.samples, auv, fleet.ordered_region)
-        if problem:
-            return [Refuse(auv, Refusal.CONTRADICTORY, problem)]
-        self._custody.take(batch.samples)
+        refused = self._intake.take(auv, batch.samples, fleet.ordered_region)
         if not self._is_met(fleet, auv):
             # It was on the air when that sortie ended: to be told its path now, by a later
             # deadline than the next one is planned with, it must be met again.
-            return [Transmit(auv, self._custody.receipt(auv))]
-        return self._answer(fleet, auv)
+            return [*refused, Transmit(auv, self._custody.receipt(auv))]
+        return [*refused, *self._answer(fleet, auv)]
 
     def _answer(self, fleet: Fleet, auv: str) -> list[Output]:
-        """Say which samples are held; when that is all of them, or time is up, what is next."""
+        """Say which samples are held; when no more are to come, or time is up, what is next."""
         output: list[Output] = [Transmit(auv, self._custody.receipt(auv))]
         hand_over = fleet.hand_over_to(auv)
         if hand_over is None:
             return output
         if self._is_called_home and hand_over.plan is not None:
             return output  # it waits where it lies, like those who are not met any more
-        has_all = self._custody.has_all(auv, hand_over.samples_taken)
+        has_all = self._intake.has_all(auv, hand_over.samples_taken)
         if has_all or not self._waits_for_data(fleet, hand_over, auv):
             output += fleet.answer(auv, self._now_s)
         return output
@@ -835,8 +833,7 @@ class UavAgent:
         else:
             position = self._position or fleet.mission.c3
             encounter = fleet.meet(report, sortie.to_meet, position, self._now_s)
-        if not problem_with_samples(report.samples, auv, fleet.ordered_region):
-            self._custody.take(report.samples)
+        output += self._intake.take(auv, report.samples, fleet.ordered_region)
         if sortie.departed_s is None:
             output += self._depart(sortie, met=(auv,))
         if encounter.was_lost:
