@@ -24,6 +24,7 @@ from c3_station import map_figures, paper, time_figures
 from c3_station.bag import BagError, BagFacts, BagReader, BagWriter, stamp_ns
 from c3_station.figure_style import BLACK, GREY, LAND, SKY, STYLE, VERMILLION
 from c3_station.figures import FIGURES, DrawnFigure, draw_figures
+from c3_station.forgeries import ForgeryKind, Stranger
 from c3_station.in_process import fly
 from c3_station.mission_record import MissionRecord, bag_records, gather_mission, read_mission
 from c3_station.paper import PAPER_FIGURES, comparisons, is_reference_mission
@@ -129,6 +130,32 @@ def test_what_the_uav_did_not_say_is_in_no_survey(minimal: Path) -> None:
     assert (record.survey, record.strange) == (genuine.survey, 2)
     page = render_report(record, (), 'rebuild', None)
     assert '2 messages reached C3 otherwise than the UAV said' in ' '.join(page.split())
+
+
+def test_what_a_stranger_says_by_radio_is_recorded_and_in_no_figure(minimal: Path) -> None:
+    with BagReader(minimal / 'bag') as reader:
+        records = list(bag_records(reader))
+        facts = reader.facts
+    genuine = gather_mission(records, facts)
+    stranger = Stranger(np.random.default_rng(1))
+    payloads = [
+        (topic, time_s, message.data)
+        for topic, time_s, message in records
+        if '/radio/' in topic and isinstance(message, Text)
+    ]
+    for _, _, payload in payloads:
+        stranger.hear(payload)
+    # What is on the topic of what an agent says is told from the agent's own by the world only.
+    forged = [
+        (f'/{agent}/radio/rx', time_s, Text(forgery.payload))
+        for (_, time_s, _), forgery in zip(
+            payloads, stranger.forgeries(len(payloads)), strict=True
+        )
+        for agent in ('c3', 'uav', 'auv_1')
+    ]
+    record = gather_mission(sorted([*records, *forged], key=lambda each: each[1]), facts)
+    assert record.strange > len(ForgeryKind)
+    assert replace(record, strange=0) == genuine
 
 
 # --- the files -----------------------------------------------------------------------------------
