@@ -28,7 +28,7 @@ from uav_bench import (
 
 from msgs_json.agent import Log, Output, Publish, Refuse, Transmit
 from msgs_json.codec import Refusal
-from msgs_json.geometry import GridSpec, Point
+from msgs_json.geometry import GridSpec, Point, within_range
 from msgs_json.messages import (
     Acknowledged,
     Acknowledgement,
@@ -579,6 +579,18 @@ def test_in_the_air_it_says_its_report_but_no_samples() -> None:
     (found,) = said(bench.tick(), 'c3')  # it is on its way again
     assert isinstance(found, SortieReport)
     assert bench.hear('c3', receipt(report('auv_1').samples[:1])) == [Transmit('c3', found)]
+
+
+def test_it_says_its_report_only_where_c3_is_within_radio_range() -> None:
+    bench = Bench().ordered()
+    bench.meet('auv_1')
+    bench.until(SortieReturned)
+    said_from_m = set()
+    for _ in range(30):  # of another sortie
+        said_here = said(bench.tick(), 'c3')
+        assert bool(said_here) == within_range(bench.here.distance_m(C3), 5.0)
+        said_from_m.add((bench.here.distance_m(C3), bool(said_here)))
+    assert {(0.0, True), (5.0, True), (10.0, False)} <= said_from_m
 
 
 @pytest.mark.parametrize('src', ['auv_1', 'auv_2'])

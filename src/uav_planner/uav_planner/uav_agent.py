@@ -11,7 +11,7 @@ import msgspec
 
 from msgs_json.agent import Log, Output, Publish, Refuse, Transmit
 from msgs_json.codec import Refusal
-from msgs_json.geometry import Point, is_before, whole_ticks
+from msgs_json.geometry import Point, is_before, whole_ticks, within_range
 from msgs_json.messages import (
     Acknowledged,
     Acknowledgement,
@@ -717,12 +717,22 @@ class UavAgent:
         return [Log(returned, self._now_s)]
 
     def _report_to_c3(self) -> list[Output]:
-        """Say the oldest report that C3 lacks, and on the ground the samples, too."""
+        """Say the oldest report that C3 lacks while it may hear, on the ground the samples, too."""
+        if not self._reaches_c3():
+            return []
         c3 = self._setup.c3
         output: list[Output] = [Transmit(c3, report) for report in tuple(self._undelivered)[:1]]
         if self._sortie is None or self._sortie.departed_s is None:
             output += [Transmit(c3, batch) for batch in self._custody.batches(self._now_s)]
         return output
+
+    def _reaches_c3(self) -> bool:
+        """Return whether C3 is within radio range, as far as the UAV knows."""
+        if self._fleet is None or self._position is None:
+            return False
+        mission = self._fleet.mission
+        range_m = mission.radio_range_m + self._setup.short_of_range_m
+        return within_range(self._position.distance_m(mission.c3), range_m)
 
     def _acknowledged(self, src: str, message: Acknowledgement) -> list[Output]:
         if src == self._setup.c3 and message.acknowledges is Acknowledged.SORTIE_REPORT:
