@@ -649,7 +649,7 @@ def contacts_of(flight: Flight) -> list[Contact]:
 
 # --- the theorems on flights ---------------------------------------------------------------------
 
-looked_for_long = settings(phases=[Phase.generate], database=None, max_examples=5000)
+looked_for_long = settings(phases=[Phase.generate], max_examples=5000)
 """The rarest event is in 2 of 100 cases: it is never missed, whatever the examples drawn first."""
 
 
@@ -664,7 +664,7 @@ def holds_for(
     """
     Make a test of a property that says how a case was flown by a planner, for all of a kind.
 
-    In the fast part a few cases, always the same ones; in the slow part many others. All that the
+    In the fast part a few cases, in the slow part many. All that the
     theorems speak of must have happened: what did not by chance is looked for on further cases.
     """
     planners = [
@@ -680,7 +680,7 @@ def holds_for(
         def test(planner: str, examples: int) -> None:
             unseen = set(covering)
 
-            @settings(max_examples=examples, derandomize=examples <= few, database=None)
+            @settings(max_examples=examples)
             @given(case=some)
             def fly(case: Case) -> None:
                 flight = holds(case, planner)
@@ -703,8 +703,8 @@ def holds_for(
 @holds_for(
     guaranteed_cases(),
     guarantees_limit=True,
-    few=120,
-    many=400,
+    few=80,
+    many=240,
     covering=[
         is_met_out_of_turn,
         is_met_between_cells,
@@ -759,8 +759,8 @@ def hands_data_over_for_ticks(flight: Flight) -> bool:
 @holds_for(
     guaranteed_cases(longer_deaf_ticks=8, samples=8),
     guarantees_limit=True,
-    few=60,
-    many=200,
+    few=40,
+    many=100,
     covering=[hands_data_over_for_ticks],
 )
 def test_the_limit_is_kept_where_hand_overs_take_longer_than_planned(
@@ -777,8 +777,8 @@ def test_the_limit_is_kept_where_hand_overs_take_longer_than_planned(
 @holds_for(
     paper_cases(),
     guarantees_limit=False,
-    few=100,
-    many=400,
+    few=60,
+    many=240,
     covering=[begins_with_a_contact_at_c3, waits_for_a_deadline, hears_one_before_it_is_met],
 )
 def test_without_a_guarantee_everybody_is_met_in_turn_within_the_worst_case(

@@ -236,7 +236,7 @@ def test_a_sortie_departs_as_that_of_the_uav(sortie: Sortie, now_ticks: int) -> 
 
 
 @pytest.mark.slow
-@settings(max_examples=1000)
+@settings(max_examples=300)
 @given(sorties(st.sampled_from(['none', 'all'])), st.integers(-20, 40))
 def test_many_sorties_depart_as_those_of_the_uav(sortie: Sortie, now_ticks: int) -> None:
     check_departure(sortie, now_ticks)
@@ -371,7 +371,7 @@ def test_what_is_handed_over_is_the_longest_allowed_part_of_the_tour(meeting: Me
 
 
 @pytest.mark.slow
-@settings(max_examples=1000)
+@settings(max_examples=300)
 @given(meetings())
 def test_what_is_handed_over_is_it_at_many_meetings(meeting: Meeting) -> None:
     check_hand_over(meeting)
@@ -628,7 +628,7 @@ def test_improved_tours_cost_no_more_and_are_the_same_each_time(
 
 
 @pytest.mark.slow
-@settings(max_examples=300)
+@settings(max_examples=100)
 @given(problems(), st.booleans(), st.integers(1, 200), st.integers(0, 2**32))
 def test_much_improved_tours_cost_no_more_and_are_the_same_each_time(
     drawn: tuple[TourProblem, CellTours], is_flown: bool, tries: int, seed: int
