@@ -372,6 +372,7 @@ def test_a_report_of_a_leg_that_it_was_never_given_ends_no_hand_over() -> None:
     bench = Bench().ordered()
     bench.meet('auv_1', acknowledges=False)
     bench.hear('auv_1', report('auv_1', 3))
+    bench.tick()
     assert said(bench.hear('auv_1', report('auv_1', 0)), 'auv_1') != []
 
 
@@ -380,6 +381,7 @@ def test_a_late_copy_of_an_older_report_is_not_answered() -> None:
     bench.meet('auv_1')
     bench.until(SortieReturned)
     bench.meet('auv_1', 1, acknowledges=False)
+    bench.tick()
     assert bench.hear('auv_1', report('auv_1', 0)) == []
     assert said(bench.hear('auv_1', report('auv_1', 1)), 'auv_1') != []
 
@@ -410,6 +412,7 @@ def test_nobody_can_answer_for_another() -> None:
     bench.meet('auv_1', acknowledges=False)
     for src in ('auv_2', 'c3'):
         bench.hear(src, taken(Acknowledged.PATH_ASSIGNMENT, 1))
+    bench.tick()
     assert said(bench.hear('auv_1', report('auv_1')), 'auv_1') != []
 
 
@@ -648,6 +651,7 @@ def test_an_auv_that_missed_its_recovery_order_is_told_again_whenever_it_is_hear
         bench.tick()
         assert said(bench.hear('auv_1', LAST_REPORT), 'auv_1')[1:] == [RECOVERY]
     bench.hear('auv_1', taken(Acknowledged.PATH_ASSIGNMENT, 0))  # of the leg before: a late copy
+    bench.tick()
     assert said(bench.hear('auv_1', LAST_REPORT), 'auv_1')[1:] == [RECOVERY]
     bench.hear('auv_1', taken(Acknowledged.RECOVERY_ORDER, 0))
     assert bench.hear('auv_1', LAST_REPORT) == []

@@ -86,6 +86,7 @@ def over_auv_1(bench: Bench) -> Bench:
 def test_an_auv_is_told_its_path_when_all_its_data_is_there(guarantees_limit: bool) -> None:
     bench = over_auv_1(Bench(OneStep(guarantees_limit=guarantees_limit)).ordered())
     assert said(bench.hear('auv_1', laden(0, 1, 2)), 'auv_1') == [held(0, 3)]
+    bench.tick()
     assert said(bench.hear('auv_1', batch(3, 4)), 'auv_1') == [held(0, 5)]
     bench.tick()
     some = SampleReceipt(
@@ -100,6 +101,24 @@ def test_an_auv_is_told_its_path_when_all_its_data_is_there(guarantees_limit: bo
     assert receipt == held(0, 8)
     assert isinstance(assignment, PathAssignment)
     assert assignment.leg.surface_deadline_s == bench.now_s + 10.0  # it starts only now
+
+
+@pytest.mark.parametrize('dies', [False, True])
+@BOTH_KINDS
+def test_an_auv_is_answered_once_a_tick_and_for_the_rest_at_the_next_one(
+    guarantees_limit: bool, dies: bool
+) -> None:
+    bench = over_auv_1(Bench(OneStep(guarantees_limit=guarantees_limit)).ordered())
+    assert said(bench.hear('auv_1', laden(0, 1)), 'auv_1') == [held(0, 2)]
+    for number in range(2, 6):
+        assert bench.hear('auv_1', batch(number)) == []
+        if dies:
+            bench.restart()
+    assert said(bench.tick(), 'auv_1') == [held(0, 6)]
+    assert bench.hear('auv_1', laden(6)) == []
+    _, assignment = said(bench.hear('auv_1', batch(7)), 'auv_1')  # all is there: what is next
+    assert isinstance(assignment, PathAssignment)
+    assert bench.hear('auv_1', batch(7)) == []
 
 
 @pytest.mark.parametrize(('handover_s', 'data_s'), [(0.0, HAND_OVER_TICKS / 2), (14.0, 7.0)])
@@ -250,6 +269,7 @@ def test_an_auv_to_be_recovered_is_told_so_though_a_sample_of_it_is_damaged(
 ) -> None:
     bench = over_auv_1(Bench(OneStep(guarantees_limit=guarantees_limit)).ordered())
     bench.hear('auv_1', laden(0, **ABORTED))
+    bench.tick()
     refused, _ = bench.hear('auv_1', SampleBatch(samples=(SAMPLES[1], damaged)))
     assert refused == Refuse('auv_1', Refusal.CONTRADICTORY, problem)
     if dies:
@@ -257,6 +277,7 @@ def test_an_auv_to_be_recovered_is_told_so_though_a_sample_of_it_is_damaged(
     _, order = said(bench.hear('auv_1', batch(2, 3, 4, 6, 7)), 'auv_1')
     assert order == RecoveryOrder(auv='auv_1', leg_id=0, reason=RecoveryReason.ABORTED)
     # One that says the damaged one again hears the same again.
+    bench.tick()
     again = bench.hear('auv_1', laden(samples=(damaged,), **ABORTED))
     assert again[0] == refused
     assert said(again, 'auv_1')[-1] == order
@@ -266,6 +287,7 @@ def test_a_damaged_sample_that_comes_sound_after_all_is_taken() -> None:
     bench = over_auv_1(Bench().ordered())
     damaged, _ = DAMAGED['off_the_region']
     bench.hear('auv_1', laden(samples=(*SAMPLES[:5], damaged)))
+    bench.tick()
     assert said(bench.hear('auv_1', batch(5)), 'auv_1')[0] == held(0, 6)
 
 

@@ -60,7 +60,7 @@ if TYPE_CHECKING:
     from msgs_json.store import Store
 
 _ORDER, _DIRECTIVE, _FLEET, _FLIGHT = 'order', 'directive', 'fleet', 'flight'
-_REPORT, _TICK = 'report', 'tick'
+_ANSWERED, _REPORT, _TICK = 'answered', 'report', 'tick'
 """Kinds of entries of the store, beside the samples."""
 
 
@@ -195,6 +195,16 @@ class _Taken(msgspec.Struct, frozen=True, kw_only=True):
     problem: str | None
 
 
+class _Answered(msgspec.Struct, frozen=True, kw_only=True):
+    """That an AUV was answered: within a tick more than that is said only of what is new."""
+
+    at_s: float
+    says_next: bool
+    """Whether it was told what comes next."""
+    is_owed: bool = False
+    """Whether more of its data has come since."""
+
+
 class _FlightMemory(msgspec.Struct, frozen=True, kw_only=True):
     """What the UAV must still know of its flight after its process died."""
 
@@ -256,6 +266,7 @@ class UavAgent:
         """
         self._heard: dict[str, tuple[float, SurfacingReport]] = {}
         """When AUVs were heard last whose turn it was not, and what they said."""
+        self._answered: dict[str, _Answered] = {}
         self._undelivered: deque[SortieReport] = deque()
         """Reports that C3 has not acknowledged, oldest first; it gets them one by one."""
         self._is_changed = False
@@ -326,6 +337,7 @@ class UavAgent:
         self._undelivered = deque(sorted(reports, key=lambda report: report.sortie))
         self.peers = frozenset({setup.c3, *self._fleet.names})
         self._heard = flight.heard
+        self._answered = self._store.load(_ANSWERED, _Answered)
         self._is_called_home = flight.is_called_home
         self._now_s = self._store.load(_TICK, float)['']
         if flight.plans_ahead_from_s is not None:
@@ -353,6 +365,8 @@ class UavAgent:
             self._is_changed |= self._headway.note(self._position, state.position, target)
         self._now_s, self._position = now_s, state.position
         output = self._tell()
+        if not is_seen:
+            output += self._answer_owed()
         output.append(Publish(ODOM, state.odometry(self.name, now_s)))
         if self._sortie is not None:
             output += self._return_to_c3(self._sortie, state.position)
@@ -717,7 +731,7 @@ class UavAgent:
         return [Log(returned, self._now_s)]
 
     def _report_to_c3(self) -> list[Output]:
-        """Say the oldest report that C3 lacks while it may hear, on the ground the samples, too."""
+        """Say the oldest report that C3 lacks while it may hear, on the ground samples, too."""
         if not self._reaches_c3():
             return []
         c3 = self._setup.c3
@@ -789,24 +803,47 @@ class UavAgent:
 
     def _take_samples(self, fleet: Fleet, auv: str, batch: SampleBatch) -> list[Output]:
         refused = self._intake.take(auv, batch.samples, fleet.ordered_region)
-        if not self._is_met(fleet, auv):
-            # It was on the air when that sortie ended: to be told its path now, by a later
-            # deadline than the next one is planned with, it must be met again.
-            return [*refused, Transmit(auv, self._custody.receipt(auv))]
-        return [*refused, *self._answer(fleet, auv)]
+        answer = self._answer(fleet, auv)
+        if not answer:
+            self._note_answered(auv, msgspec.structs.replace(self._answered[auv], is_owed=True))
+        return [*refused, *answer]
+
+    def _answer_owed(self) -> list[Output]:
+        """Answer the data that has come since its AUV was answered."""
+        if self._fleet is None:
+            return []
+        owed = [auv for auv, answered in self._answered.items() if answered.is_owed]
+        return [each for auv in owed for each in self._answer(self._fleet, auv)]
 
     def _answer(self, fleet: Fleet, auv: str) -> list[Output]:
-        """Say which samples are held; when no more are to come, or time is up, what is next."""
-        output: list[Output] = [Transmit(auv, self._custody.receipt(auv))]
+        """
+        Say which samples are held; when no more are to come, or time is up, what is next.
+
+        Once a tick, and once more when only then it is time for what is next.
+        """
+        says_next = self._says_next(fleet, auv)
+        before = self._answered.get(auv)
+        if before and before.at_s == self._now_s and before.says_next >= says_next:
+            return []
+        self._note_answered(auv, _Answered(at_s=self._now_s, says_next=says_next))
+        receipt = Transmit(auv, self._custody.receipt(auv))
+        return [receipt, *fleet.answer(auv, self._now_s)] if says_next else [receipt]
+
+    def _note_answered(self, auv: str, answered: _Answered) -> None:
+        self._answered[auv] = answered
+        self._store.put(_ANSWERED, auv, answered)
+
+    def _says_next(self, fleet: Fleet, auv: str) -> bool:
+        """Return whether an AUV is to be told now what comes next."""
         hand_over = fleet.hand_over_to(auv)
-        if hand_over is None:
-            return output
+        if hand_over is None or not self._is_met(fleet, auv):
+            # What comes from others was on the air when that sortie ended: to be told its path
+            # now, by a later deadline than the next one is planned with, it must be met again.
+            return False
         if self._is_called_home and hand_over.plan is not None:
-            return output  # it waits where it lies, like those who are not met any more
+            return False  # it waits where it lies, like those who are not met any more
         has_all = self._intake.has_all(auv, hand_over.samples_taken)
-        if has_all or not self._waits_for_data(fleet, hand_over, auv):
-            output += fleet.answer(auv, self._now_s)
-        return output
+        return has_all or not self._waits_for_data(fleet, hand_over, auv)
 
     def _waits_for_data(self, fleet: Fleet, hand_over: HandOver, auv: str) -> bool:
         """Return whether an AUV is to hand over more data before it is told what comes next."""
