@@ -115,6 +115,10 @@ class Listener(GuestNode):
         """Return the namespaces of all nodes that subscribe to a topic."""
         return {each.node_namespace for each in self.node.get_subscriptions_info_by_topic(topic)}
 
+    def others(self) -> set[str]:
+        """Return the names of the nodes on the graph."""
+        return set(self.node.get_node_names())
+
     def wait_for(self, holds: Callable[[], bool]) -> None:
         """Wait until something holds, and hear what is said meanwhile."""
         wait_until(holds, lambda: self.spin(0.1))
@@ -162,14 +166,14 @@ def summary_of(bag: Path) -> Summary:
 
 @pytest.mark.parametrize('signum', [signal.SIGINT, signal.SIGTERM])
 def test_every_node_starts_alone_and_ends_when_told(
-    start: Start, tmp_path: Path, signum: signal.Signals
+    start: Start, tmp_path: Path, listener: Listener, signum: signal.Signals
 ) -> None:
     nodes = {}
     for package, name in NODES:
         extra = ['-p', f'out:={tmp_path / "alone"}'] if name == 'recorder' else []
         place = ['-r', '__ns:=/auv_1'] if name == 'auv' else []
         nodes[name] = start(package, name, *place, *extra)
-    time.sleep(6.0)
+    listener.wait_for(lambda: nodes.keys() <= listener.others())
     assert [name for name, node in nodes.items() if not node.is_up()] == []
     for node in nodes.values():
         node.signal(signum)
@@ -212,10 +216,11 @@ def test_a_bad_parameter_is_one_clear_message(
     ],
 )
 def test_nodes_started_by_hand_wait_for_each_other(
-    start: Start, params: Path, tmp_path: Path, order: list[str]
+    start: Start, params: Path, tmp_path: Path, listener: Listener, order: list[str]
 ) -> None:
     nodes = mission(start, params, order[:-1])
-    time.sleep(3.0)
+    present = {'auv' if name.startswith('auv_') else name for name in order[:-1]}
+    listener.wait_for(lambda: present <= listener.others())
     assert all(node.is_up() for node in nodes.values())
     nodes |= mission(start, params, order[-1:])
     code, output = nodes['world'].end()
