@@ -186,4 +186,26 @@ def test_cells_that_come_back_are_known_as_before(
     back = changed.of_region(GRID)
     np.testing.assert_array_equal(back.values, exploration.values)
     assert back.is_explored == exploration.is_explored
-    assert back.memory() == exploration.memory()
+    assert back.changed_rows() == exploration.changed_rows()
+
+
+@given(st.lists(st.lists(cells, max_size=6), max_size=6))
+def test_rows_that_have_changed_are_all_that_another_map_needs_to_be_told(
+    paths: list[list[Cell]],
+) -> None:
+    exploration = ExplorationMap(GRID, [(0, 0)])
+    told = exploration.changed_rows()
+    assert len(told) == GRID.rows
+    assert exploration.changed_rows() == {}
+    for path in paths:
+        exploration.assign([(0, 0), *path])
+        exploration.confirm(path[:2])
+        exploration.restore(path[2:])
+        rows = exploration.changed_rows()
+        assert rows.keys() == {row for _, row in path}
+        told |= rows
+    again = ExplorationMap(GRID, [])
+    again.recall(told)
+    np.testing.assert_array_equal(again.values, exploration.values)
+    assert again.changed_rows() == {}
+    assert exploration.of_region(GRID).changed_rows() == {}

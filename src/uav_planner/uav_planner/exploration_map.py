@@ -10,7 +10,7 @@ import msgspec
 import numpy as np
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
+    from collections.abc import Iterable, Mapping, Sequence
 
     from numpy.typing import NDArray
 
@@ -20,13 +20,12 @@ HALVINGS_MAX = 1000
 """A value is halved no further: soon after it would be 0, which stands for a masked cell."""
 
 
-class MapMemory(msgspec.Struct, frozen=True, kw_only=True):
-    """All that an `ExplorationMap` of a grid knows."""
+class MapRow(msgspec.Struct, frozen=True, kw_only=True):
+    """All that an `ExplorationMap` knows of a row, by column."""
 
-    entries: bytes
-    """Of every cell, row by row, as 8-byte integers."""
-    visited: bytes
-    """Of every cell, whether it was really visited, one byte each."""
+    entries: tuple[int, ...]
+    visited: tuple[bool, ...]
+    """Whether a cell was really visited."""
 
 
 class ExplorationMap:
@@ -60,6 +59,8 @@ class ExplorationMap:
         self._values = np.where(grid.mask, 0.0, 1.0)
         self._values_view = self._values.view()
         self._values_view.flags.writeable = False
+        self._changed_rows: set[int] = set(range(grid.rows))
+        """Those that `changed_rows` has not told."""
         starts = list(start_cells)
         self._add_entries(starts, 1)
         self.confirm(starts)
@@ -112,18 +113,27 @@ class ExplorationMap:
                 raise ValueError(f'cell {[col, row]} is reported visited but was never assigned')
         for index in indices:
             self._visited[index] = True
+            self._changed_rows.add(index[0])
 
     def of_region(self, grid: GridSpec) -> ExplorationMap:
         """Return what is known of a region of the same grid with other cells masked."""
         other = ExplorationMap(grid, ())
-        other.recall(self.memory())
+        other.recall({row: self._row(row) for row in range(grid.rows)})
+        other._changed_rows = set(self._changed_rows)
         return other
 
-    def memory(self) -> MapMemory:
-        """Return what to `recall`."""
-        return MapMemory(entries=self._entries.tobytes(), visited=self._visited.tobytes())
+    def changed_rows(self) -> dict[int, MapRow]:
+        """Return what to `recall` of the rows that have changed since this was called last."""
+        changed = {row: self._row(row) for row in sorted(self._changed_rows)}
+        self._changed_rows.clear()
+        return changed
 
-    def recall(self, memory: MapMemory) -> None:
+    def _row(self, row: int) -> MapRow:
+        return MapRow(
+            entries=tuple(self._entries[row].tolist()), visited=tuple(self._visited[row].tolist())
+        )
+
+    def recall(self, rows: Mapping[int, MapRow]) -> None:
         """
         Know again what a map of the same grid knew.
 
@@ -133,9 +143,10 @@ class ExplorationMap:
             It was of another grid.
 
         """
-        shape = self._entries.shape
-        self._entries = np.frombuffer(memory.entries, dtype=np.int64).reshape(shape).copy()
-        self._visited = np.frombuffer(memory.visited, dtype=np.bool_).reshape(shape).copy()
+        for row, known in rows.items():
+            self._entries[row] = known.entries
+            self._visited[row] = known.visited
+        self._changed_rows -= rows.keys()
         halvings = np.minimum(self._entries, HALVINGS_MAX)
         self._values[:] = np.where(self._grid.mask, 0.0, np.ldexp(1.0, -halvings))
 
@@ -150,6 +161,7 @@ class ExplorationMap:
         for index, entries in changed.items():
             self._entries[index] = entries
             self._values[index] = math.ldexp(1.0, -min(entries, HALVINGS_MAX))
+            self._changed_rows.add(index[0])
 
     def _index(self, cell: Cell) -> tuple[int, int]:
         """Return the array index of a cell of the region (numpy would wrap a negative one)."""

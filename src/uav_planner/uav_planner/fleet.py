@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import msgspec
+from msgspec import structs
 
 from msgs_json.agent import Output, Transmit
 from msgs_json.geometry import Cell, Point, is_before, path_length_m, surface_deadline_s
@@ -18,7 +19,8 @@ from msgs_json.messages import (
     RecoveryReason,
     SurfacingReport,
 )
-from uav_planner.exploration_map import ExplorationMap, MapMemory
+from uav_planner.entries import Entries, Entry
+from uav_planner.exploration_map import ExplorationMap, MapRow
 from uav_planner.hand_over import (
     CONTRADICTIONS_MAX,
     DATA_SHARE,
@@ -41,11 +43,15 @@ if TYPE_CHECKING:
     from collections.abc import Container, Iterator
 
     from msgs_json.messages import Directive, MissionOrder
-    from uav_planner.planning import SortiePlan, Tours
+    from msgs_json.store import Store
+    from uav_planner.planning import SortiePlan
 
 
-@dataclass(slots=True, kw_only=True)
-class _Auv:
+_AUV, _HAND_OVER, _TOUR, _MAP_ROW, _VISITING = 'auv', 'hand_over', 'tour', 'map_row', 'visiting'
+"""Kinds of entries of the store: by AUV, but for the map's, which are by row."""
+
+
+class _Auv(msgspec.Struct, frozen=True, kw_only=True):
     """What the UAV knows of an AUV."""
 
     speed_mps: float
@@ -77,15 +83,6 @@ class Encounter:
     """Whether it had been given up."""
 
 
-class FleetMemory(msgspec.Struct, frozen=True, kw_only=True):
-    """All that a `Fleet` knows."""
-
-    auvs: dict[str, _Auv]
-    map: MapMemory
-    hand_overs: dict[str, HandOver]
-    tours: dict[str, tuple[Cell, ...]]
-
-
 class Fleet:
     """
     The AUVs of a mission: the leg and the hand-over of each, and the map of their survey.
@@ -112,49 +109,46 @@ class Fleet:
         self._lost_after_sorties = order.lost_after_sorties
         self._patience_s = max(HAND_OVER_TICKS * mission.tick_s, mission.handover_s)
         self._map = ExplorationMap(order.region, [auv.leg.path[0] for auv in order.auvs])
-        self._auvs = {auv.name: _Auv(speed_mps=auv.speed_mps, leg=auv.leg) for auv in order.auvs}
-        for auv in self._auvs.values():
-            self._claim(auv, auv.leg.path)
-        self._hand_overs: dict[str, HandOver] = {}
+        self._auvs: Entries[_Auv] = Entries(_AUV)
+        for auv in order.auvs:
+            self._auvs[auv.name] = _Auv(speed_mps=auv.speed_mps, leg=auv.leg)
+            self._claim(auv.name, auv.leg.path)
+        self._visiting = Entry(_VISITING, tuple(auv.name for auv in order.auvs))
+        self._hand_overs: Entries[HandOver] = Entries(_HAND_OVER)
         """By AUV, until it acknowledges or reports from its next leg."""
-        self._tours: Tours = {}
+        self._tours: Entries[tuple[Cell, ...]] = Entries(_TOUR)
         self._recalled: frozenset[str] = frozenset()
-        self.is_changed = True
-        """Whether it knows more than `memory` told last."""
 
-    def memory(self) -> FleetMemory:
-        """Return what to `recall` after a crash."""
-        self.is_changed = False
-        return FleetMemory(
-            auvs=self._auvs,
-            map=self._map.memory(),
-            hand_overs=self._hand_overs,
-            tours=dict(self._tours),
-        )
+    def load(self, store: Store) -> None:
+        """Know again what the fleet of the same order had stored."""
+        self._auvs.load(store, _Auv)
+        self._visiting.load(store, tuple[str, ...])
+        self._hand_overs.load(store, HandOver)
+        self._tours.load(store, tuple[Cell, ...])
+        rows = store.load(_MAP_ROW, MapRow)
+        self._map.recall({int(row): known for row, known in rows.items()})
 
-    def recall(self, memory: FleetMemory) -> None:
-        """Know again what the fleet of the same order knew."""
-        self._auvs = dict(memory.auvs)
-        self._map.recall(memory.map)
-        self._hand_overs = dict(memory.hand_overs)
-        self._tours = memory.tours
-        self.is_changed = False
+    def save(self, store: Store) -> None:
+        """Put what has changed since the last time."""
+        for entries in (self._auvs, self._visiting, self._hand_overs, self._tours):
+            entries.save(store)
+        for row, known in self._map.changed_rows().items():
+            store.put(_MAP_ROW, str(row), known)
 
     # --- what the operator wants -----------------------------------------------------------------
 
     def direct(self, directive: Directive) -> None:
         """Fly as the operator wants from now on; what can be flown is in `directives`."""
-        grid = msgspec.structs.replace(self.mission.grid, masked=directive.masked)
+        grid = structs.replace(self.mission.grid, masked=directive.masked)
         if grid != self.mission.grid:
             self._map = self._map.of_region(grid)
-            self._tours = {}  # they may lead through what is masked now
+            self._tours.clear()  # they may lead through what is masked now
         self.mission = replace(self.mission, grid=grid, sortie_limit_s=directive.sortie_limit_s)
         self._recalled = frozenset(directive.recalled)
-        self.is_changed = True
 
     def planner_problem(self, masked: tuple[Cell, ...], now_s: float) -> str | None:
         """Return why the planner cannot plan with these cells masked, or None."""
-        grid = msgspec.structs.replace(self.mission.grid, masked=masked)
+        grid = structs.replace(self.mission.grid, masked=masked)
         request = replace(
             self._sortie_request(frozenset(), now_s),
             mission=replace(self.mission, grid=grid),
@@ -172,12 +166,12 @@ class Fleet:
     @property
     def visiting_order(self) -> tuple[str, ...]:
         """Return all AUVs in the order in which sorties go to them."""
-        return tuple(self._auvs)
+        return self._visiting.value
 
     @property
     def lost(self) -> tuple[str, ...]:
         """Return the AUVs that are given up and were not heard since."""
-        return tuple(name for name, auv in self._auvs.items() if auv.lost)
+        return tuple(name for name in self.visiting_order if self._auvs[name].lost)
 
     def next_leg(self, name: str) -> Leg | None:
         """Return the last leg an AUV was given; None when it was told to stay up for recovery."""
@@ -186,18 +180,17 @@ class Fleet:
 
     def survey_legs(self, to_meet: Container[str] = ()) -> tuple[SurveyLeg, ...]:
         """Return the legs of all who survey, some of whom a sortie is still to meet."""
-        return tuple(
-            self._survey_leg(name, to_meet)
-            for name, auv in self._auvs.items()
-            if not (auv.recovered or auv.lost)
-        )
+        return tuple(leg for leg in self._legs_out(to_meet) if not self._auvs[leg.auv].lost)
 
     @property
     def legs_out(self) -> tuple[SurveyLeg, ...]:
         """Return the legs of all who were not told to stay up; the lost may be heard again."""
-        return tuple(
-            self._survey_leg(name, ()) for name, auv in self._auvs.items() if not auv.recovered
-        )
+        return tuple(self._legs_out(()))
+
+    def _legs_out(self, to_meet: Container[str]) -> Iterator[SurveyLeg]:
+        for name in self.visiting_order:
+            if not self._auvs[name].recovered:
+                yield self._survey_leg(name, to_meet)
 
     def _survey_leg(self, name: str, to_meet: Container[str]) -> SurveyLeg:
         auv = self._auvs[name]
@@ -231,20 +224,19 @@ class Fleet:
 
         """
         plan = self._planner.plan_sortie(self._sortie_request(overlooked, now_s))
-        self.is_changed = True
-        self._tours = plan.tours
+        self._tours.become(plan.tours)
         for name, search in searches_of(plan.route).items():
-            self._auvs[name].search = search
+            self._change(name, search=search)
         return plan
 
     def look_ahead(self, now_s: float) -> Iterator[float]:
         """Let the planner plan the whole mission; yield the share that is done, slice by slice."""
         for ahead in self._planner.look_ahead(self._sortie_request(frozenset(), now_s)):
-            self._tours, self.is_changed = ahead.tours, True
+            self._tours.become(ahead.tours)
             if ahead.visiting_order not in ((), self.visiting_order):
-                self._auvs = {name: self._auvs[name] for name in ahead.visiting_order}
-                for auv in self._auvs.values():
-                    auv.search = ()  # to be laid along the new round
+                self._visiting.value = ahead.visiting_order
+                for name in ahead.visiting_order:
+                    self._change(name, search=())  # to be laid along the new round
             yield ahead.share
 
     def _sortie_request(self, overlooked: frozenset[str], now_s: float) -> SortieRequest:
@@ -254,18 +246,17 @@ class Fleet:
             overlooked=overlooked,
             now_s=now_s,
             values=self._map.values,
-            tours=self._tours,
+            tours=dict(self._tours),
         )
 
     def searched_in_vain(self, name: str) -> bool:
         """Count a search of an AUV; return whether it is given up, after so many."""
-        auv, self.is_changed = self._auvs[name], True
-        auv.searches_in_vain += 1
-        if auv.searches_in_vain < self._lost_after_sorties:
-            return False
-        auv.lost = True
-        self._release(auv)
-        return True
+        searches_in_vain = self._auvs[name].searches_in_vain + 1
+        is_lost = searches_in_vain >= self._lost_after_sorties
+        self._change(name, searches_in_vain=searches_in_vain, lost=is_lost)
+        if is_lost:
+            self._release(name)
+        return is_lost
 
     # --- a meeting -------------------------------------------------------------------------------
 
@@ -276,11 +267,9 @@ class Fleet:
             return
         if hand_over.is_taken_by(report):
             del self._hand_overs[report.auv]  # it speaks of its next leg
-            self.is_changed = True
         elif report.outcome is LegOutcome.ABORTED and hand_over.answers(report):
-            self._release(self._auvs[report.auv])
+            self._release(report.auv)
             self._hand_overs[report.auv] = hand_over.called_off()
-            self.is_changed = True
 
     def problem_with(self, report: SurfacingReport) -> str | None:
         """Return what contradicts the leg that its AUV was given, or None."""
@@ -298,20 +287,20 @@ class Fleet:
         ``to_meet`` are the AUVs that the sortie may still meet, this one included; ``position`` is
         where the UAV is.
         """
-        auv, self.is_changed = self._auvs[report.auv], True
-        was_lost, was_astray = auv.lost, auv.searches_in_vain > 0
-        auv.lost, auv.searches_in_vain, auv.contradictions = False, 0, 0
+        before = self._auvs[report.auv]
+        was_astray = before.searches_in_vain > 0
+        self._change(report.auv, lost=False, searches_in_vain=0, contradictions=0)
         unanswered = self.hand_over(report)
         if unanswered is None:
-            self._note_visits(auv, report)
+            self._note_visits(report)
         plan = unanswered.plan if unanswered else None
         # The same path again, unless the others were given theirs without a thought of it, or it
         # is to have none.
         if plan is None or was_astray or report.auv in self._recalled:
-            self._release(auv)
+            self._release(report.auv)
             plan = self._plan_path(report, to_meet, position, now_s)
         self._begin_hand_over(report, plan, self._reason_to_recover(report), now_s)
-        return Encounter(plan=plan, was_lost=was_lost)
+        return Encounter(plan=plan, was_lost=before.lost)
 
     def is_off_course(self, report: SurfacingReport, now_s: float) -> bool:
         """
@@ -322,24 +311,24 @@ class Fleet:
         auv = self._auvs[report.auv]
         if report.leg_id == auv.leg.leg_id - 1 or auv.contradicted_s == now_s:
             return False
-        auv.contradictions, auv.contradicted_s = auv.contradictions + 1, now_s
-        self.is_changed = True
-        return auv.contradictions >= CONTRADICTIONS_MAX
+        contradictions = auv.contradictions + 1
+        self._change(report.auv, contradictions=contradictions, contradicted_s=now_s)
+        return contradictions >= CONTRADICTIONS_MAX
 
     def take_off_course(self, report: SurfacingReport, now_s: float) -> Encounter:
         """Have an AUV stay up for recovery: nobody knows where it has been, or where it is."""
-        auv, self.is_changed = self._auvs[report.auv], True
-        was_lost = auv.lost
-        auv.lost, auv.searches_in_vain = False, 0
-        self._release(auv)
+        was_lost = self._auvs[report.auv].lost
+        self._change(report.auv, lost=False, searches_in_vain=0)
+        self._release(report.auv)
         self._begin_hand_over(report, None, RecoveryReason.OFF_COURSE, now_s)
         return Encounter(plan=None, was_lost=was_lost)
 
-    def _note_visits(self, auv: _Auv, report: SurfacingReport) -> None:
+    def _note_visits(self, report: SurfacingReport) -> None:
         """Note on the map what an AUV really visited."""
-        self._claim(auv, auv.leg.path[: report.moves_done + 1])
-        self._map.confirm(auv.claimed)
-        auv.claimed = ()  # they stay visited
+        path = self._auvs[report.auv].leg.path[: report.moves_done + 1]
+        self._claim(report.auv, path)
+        self._map.confirm(path[1:])
+        self._change(report.auv, claimed=())  # they stay visited
 
     def _begin_hand_over(
         self,
@@ -359,22 +348,21 @@ class Fleet:
             begun_s=now_s,
             samples_taken=report.samples_taken,
         )
-        self._set_leg(self._auvs[report.auv], self._hand_overs[report.auv], now_s)
+        if plan is not None:
+            self._set_leg(report.auv, plan, now_s)
 
-    def _set_leg(self, auv: _Auv, hand_over: HandOver, now_s: float) -> None:
+    def _set_leg(self, name: str, plan: PlanResult, now_s: float) -> None:
         """Give an AUV its next leg, as if it began now."""
-        if hand_over.plan is not None:
-            auv.leg = Leg(
-                leg_id=hand_over.ended_leg_id + 1,
-                path=hand_over.plan.path,
-                surface_deadline_s=surface_deadline_s(
-                    now_s,
-                    hand_over.way_m,
-                    auv.speed_mps,
-                    self.mission.surface_margin_s,
-                    self.mission.tick_s,
-                ),
-            )
+        hand_over = self._hand_overs[name]
+        surface_s = surface_deadline_s(
+            now_s,
+            hand_over.way_m,
+            self._auvs[name].speed_mps,
+            self.mission.surface_margin_s,
+            self.mission.tick_s,
+        )
+        leg = Leg(leg_id=hand_over.ended_leg_id + 1, path=plan.path, surface_deadline_s=surface_s)
+        self._change(name, leg=leg)
 
     def _plan_path(
         self, report: SurfacingReport, to_meet: Container[str], position: Point, now_s: float
@@ -383,7 +371,6 @@ class Fleet:
         is_wanted = report.outcome is not LegOutcome.ABORTED and report.auv not in self._recalled
         if self._map.is_explored or not is_wanted:
             return None
-        auv = self._auvs[report.auv]
         behind = self._behind(report)
         plan = self._planner.plan_path(
             PlanRequest(
@@ -395,12 +382,12 @@ class Fleet:
                 legs=self.survey_legs(to_meet),
                 now_s=now_s,
                 position=position,
-                tours=self._tours,
+                tours=dict(self._tours),
             )
         )
-        self._tours = plan.tours
-        self._claim(auv, plan.path)
-        auv.behind, auv.search = behind, plan.search
+        self._tours.become(plan.tours)
+        self._claim(report.auv, plan.path)
+        self._change(report.auv, behind=behind, search=plan.search)
         return plan
 
     def _reason_to_recover(self, report: SurfacingReport) -> RecoveryReason:
@@ -450,20 +437,18 @@ class Fleet:
         hand_over = self._hand_overs.get(name)
         if hand_over is None:
             return []
-        auv, self.is_changed = self._auvs[name], True
         if hand_over.plan is None:
-            auv.recovered = True
+            self._change(name, recovered=True)
             order = RecoveryOrder(auv=name, leg_id=hand_over.ended_leg_id, reason=hand_over.reason)
             return [Transmit(name, order)]
-        self._set_leg(auv, hand_over, now_s)
-        return [Transmit(name, PathAssignment(auv=name, leg=auv.leg))]
+        self._set_leg(name, hand_over.plan, now_s)
+        return [Transmit(name, PathAssignment(auv=name, leg=self._auvs[name].leg))]
 
     def acknowledged(self, name: str, message: Acknowledgement) -> None:
         """Take an AUV's answer; one to something else says nothing."""
         hand_over = self._hand_overs.get(name)
         if hand_over is not None and message == hand_over.acknowledgement:
             del self._hand_overs[name]
-            self.is_changed = True
 
     def is_awaiting(self, met: Container[str], now_s: float) -> bool:
         """Return whether the answer of an AUV just met may still come."""
@@ -474,13 +459,17 @@ class Fleet:
 
     # --- the map ---------------------------------------------------------------------------------
 
-    def _claim(self, auv: _Auv, path: tuple[Cell, ...]) -> None:
+    def _claim(self, name: str, path: tuple[Cell, ...]) -> None:
         """Let an AUV's path count as visited on the map, instead of what it claimed before."""
-        self._release(auv)
+        self._release(name)
         self._map.assign(path)
-        auv.claimed = path[1:]
+        self._change(name, claimed=path[1:])
 
-    def _release(self, auv: _Auv) -> None:
+    def _release(self, name: str) -> None:
         """Take back what an AUV claims, if it still does: its cells are for others, too."""
-        self._map.restore(auv.claimed)
-        auv.claimed = ()
+        self._map.restore(self._auvs[name].claimed)
+        self._change(name, claimed=())
+
+    def _change(self, name: str, **changes: object) -> None:
+        """Know something else of an AUV from now on."""
+        self._auvs[name] = structs.replace(self._auvs[name], **changes)

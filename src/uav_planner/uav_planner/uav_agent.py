@@ -44,7 +44,7 @@ from uav_planner.directives import (
     problem_with_limit,
     problem_with_region,
 )
-from uav_planner.fleet import Fleet, FleetMemory
+from uav_planner.fleet import Fleet
 from uav_planner.hand_over import HandOver
 from uav_planner.headway import Headway
 from uav_planner.mission_order import UavSetup, mission_spec, problem_with_order
@@ -59,7 +59,7 @@ if TYPE_CHECKING:
     from msgs_json.drivers import UavDriver
     from msgs_json.store import Store
 
-_ORDER, _DIRECTIVE, _FLEET, _FLIGHT = 'order', 'directive', 'fleet', 'flight'
+_ORDER, _DIRECTIVE, _FLIGHT = 'order', 'directive', 'flight'
 _ANSWERED, _REPORT, _TICK = 'answered', 'report', 'tick'
 """Kinds of entries of the store, beside the samples."""
 
@@ -299,8 +299,8 @@ class UavAgent:
     def _remember(self) -> None:
         """Store what has changed."""
         fleet = self._fleet
-        if fleet is not None and fleet.is_changed:
-            self._store.put(_FLEET, '', fleet.memory())
+        if fleet is not None:
+            fleet.save(self._store)
         if self._is_changed:
             self._is_changed = False
             flight = _FlightMemory(
@@ -326,7 +326,7 @@ class UavAgent:
         self._taken = self._store.load(_DIRECTIVE, _Taken).get('')
         if self._taken is not None:
             self._fleet.direct(self._taken.directive)
-        self._fleet.recall(self._store.load(_FLEET, FleetMemory)[''])
+        self._fleet.load(self._store)
         flight = self._store.load(_FLIGHT, _FlightMemory)['']
         self._sortie = flight.sortie.sortie(self._fleet) if flight.sortie is not None else None
         self._headway = Headway(

@@ -1,0 +1,108 @@
+"""What is kept in a store entry by entry, so that a commit writes what has changed and no more."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, MutableMapping
+from typing import TYPE_CHECKING, Generic, TypeVar
+
+if TYPE_CHECKING:
+    from msgs_json.store import Store
+
+T = TypeVar('T')
+
+
+class Entry(Generic[T]):
+    """
+    A value that is stored as a whole; it is changed by setting another one.
+
+    Parameters
+    ----------
+    kind
+        Names the entry in the store.
+    value
+        What it is before anything was stored; it is stored, too.
+
+    """
+
+    def __init__(self, kind: str, value: T) -> None:
+        self._kind = kind
+        self._value = value
+        self._is_changed = True
+
+    @property
+    def value(self) -> T:
+        """Return the value; nobody changes it in place."""
+        return self._value
+
+    @value.setter
+    def value(self, value: T) -> None:
+        self._is_changed |= value != self._value
+        self._value = value
+
+    def load(self, store: Store, value_type: type[T]) -> None:
+        """Take the value that is stored, if there is one."""
+        stored = store.load(self._kind, value_type)
+        if stored:
+            self._value, self._is_changed = stored[''], False
+
+    def save(self, store: Store) -> None:
+        """Put the value, if it is another than the one that was put last."""
+        if self._is_changed:
+            self._is_changed = False
+            store.put(self._kind, '', self._value)
+
+
+class Entries(MutableMapping[str, T]):
+    """
+    Values by key, each stored for itself; one is changed by setting another one.
+
+    One that stays the same is not stored again.
+
+    Parameters
+    ----------
+    kind
+        Of the entries of the store; the keys are theirs, too.
+
+    """
+
+    def __init__(self, kind: str) -> None:
+        self._kind = kind
+        self._values: dict[str, T] = {}
+        self._changed: dict[str, None] = {}
+
+    def load(self, store: Store, value_type: type[T]) -> None:
+        """Take the values that are stored, in the order of their keys."""
+        self._values, self._changed = store.load(self._kind, value_type), {}
+
+    def save(self, store: Store) -> None:
+        """Put the values that were set since the last time, drop the others."""
+        for key in self._changed:
+            if key in self._values:
+                store.put(self._kind, key, self._values[key])
+            else:
+                store.drop(self._kind, key)
+        self._changed = {}
+
+    def become(self, values: Mapping[str, T]) -> None:
+        """Hold these values and no others."""
+        for key in self._values.keys() - values.keys():
+            del self[key]
+        self.update(values)
+
+    def __getitem__(self, key: str) -> T:
+        return self._values[key]
+
+    def __setitem__(self, key: str, value: T) -> None:
+        if key not in self._values or self._values[key] != value:
+            self._values[key] = value
+            self._changed[key] = None
+
+    def __delitem__(self, key: str) -> None:
+        del self._values[key]
+        self._changed[key] = None
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._values)
+
+    def __len__(self) -> int:
+        return len(self._values)
