@@ -11,7 +11,11 @@ from patience import wait_until
 
 from c3_station.bag import BagReader
 from c3_station.exit_codes import ExitCode
+from c3_station.in_process import fly
 from c3_station.mission_record import read_mission
+from c3_station.scenario_files import scenario_json
+from c3_station.scenario_generator import Span, generate_scenario
+from c3_station.summary import Summarizer
 from msgs_json.messages import MissionResumed, NodeRestarted
 
 pytestmark = pytest.mark.ros
@@ -23,25 +27,51 @@ def restarts_in(bag: Path) -> list[NodeRestarted]:
     ]
 
 
-@pytest.mark.parametrize('victim', ['auv_2', 'uav', 'c3'])
-def test_a_node_that_is_killed_is_started_again_and_the_mission_goes_on(
-    tmp_path: Path, runs: list[Run], victim: str
+def test_nodes_that_are_killed_are_started_again_and_the_mission_goes_on(
+    tmp_path: Path, runs: list[Run]
 ) -> None:
-    run = Run(tmp_path / 'run', '--rate', '150')
+    run = Run(tmp_path / 'run', '--rate', '100')
     runs.append(run)
-    run.wait_for_flight()
-    os.kill(run.nodes()[victim], signal.SIGKILL)
+    victims = ['auv_2', 'uav', 'c3']
+    for recorded_bytes, victim in zip((100_000, 200_000, 300_000), victims, strict=True):
+        run.wait_for_flight(recorded_bytes)
+        os.kill(run.nodes()[victim], signal.SIGKILL)
     code, output = run.end()
     assert code == ExitCode.OK, output
-    assert f'{victim} ended by SIGKILL, restarted (1)' in output
     assert 'Traceback' not in output
     assert run.nodes() == {}
-    assert restarts_in(run.out / 'bag') == [NodeRestarted(node=victim, restarts=1)]
+    for victim in victims:
+        assert f'{victim} ended by SIGKILL, restarted (1)' in output
+    restarts = restarts_in(run.out / 'bag')
+    assert restarts == [NodeRestarted(node=victim, restarts=1) for victim in victims]
     with BagReader(run.out / 'bag') as reader:
         assert reader.facts.complete
     summary = json.loads((run.out / 'summary.json').read_text())
     assert summary['explored_s'] == 457.0  # as if nothing had happened
     assert summary['samples_delivered'] == summary['samples_collected']
+
+
+def test_all_auvs_of_a_process_that_is_killed_go_on(tmp_path: Path, runs: list[Run]) -> None:
+    path = tmp_path / 'dozen.yaml'
+    fleet = {name: Span(least=n, most=n) for name, n in {'auvs': 12, 'cols': 8, 'rows': 8}.items()}
+    scenario = generate_scenario(2, fleet, ('early',))
+    path.write_bytes(scenario_json(scenario))
+    run = Run(tmp_path / 'run', '--rate', f'{40 * scenario.tick_s:g}', scenario=str(path))
+    runs.append(run)
+    run.wait_for_flight()
+    os.kill(run.nodes()['fleet_1'], signal.SIGKILL)
+    code, output = run.end()
+    assert code == ExitCode.OK, output
+    assert 'fleet_1 ended by SIGKILL, restarted (1)' in output
+    restarts = restarts_in(run.out / 'bag')
+    assert sorted(each.node for each in restarts) == sorted(a.name for a in scenario.auvs[:10])
+    summarizer = Summarizer()
+    fly(scenario, summarizer.frame)
+    without = summarizer.summary()
+    summary = read_mission(run.out / 'bag').summary
+    assert summary.explored_s == without.explored_s
+    assert summary.sorties == without.sorties
+    assert summary.samples_delivered == without.samples_delivered
 
 
 def test_a_node_that_hangs_is_killed_and_started_again(tmp_path: Path, runs: list[Run]) -> None:
