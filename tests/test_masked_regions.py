@@ -121,6 +121,9 @@ def test_a_part_of_the_sea_is_left_alone_when_its_auv_is_lost(planner: str) -> N
     assert summary.sortie_limit_violations == 0
     assert summary.explored_s is None
     assert summary.cells_explored >= 18  # all of the first part
+    left = scenario.region.cells_total - summary.cells_explored
+    assert len(summary.out_of_reach) == left
+    assert all(col > 3 for col, _ in summary.out_of_reach)
 
 
 def test_the_harbour_is_surveyed_as_its_file_says() -> None:

@@ -300,12 +300,12 @@ def test_a_limit_counts_from_the_next_sortie_on(planner: str, radio: Radio) -> N
 
 
 def test_a_limit_that_cannot_be_kept_is_refused_and_the_rest_is_taken() -> None:
-    mission = scenario('robust', (2.0, limit(7.0)), (2.0, PAUSE), (50.0, RESUME))
+    mission = scenario('robust', (2.0, limit(24.0)), (2.0, PAUSE), (50.0, RESUME))
     flight = flown(mission)
     check_completed(flight, mission)
     (refused,) = flight.all(CommandRefused)
     assert isinstance(refused, CommandRefused)
-    assert refused.problem.startswith('sortie_limit_s is 7; allowed: at least ')
+    assert refused.problem.startswith('sortie_limit_s is 24; allowed: at least ')
     assert refused.problem.endswith(', which the next sortie takes at worst; it stays 30')
     assert [(each.paused, each.sortie_limit_s) for each in directives(flight)] == [
         (True, 30.0),

@@ -224,7 +224,7 @@ class C3Agent:
     # --- what the operator wants -----------------------------------------------------------------
 
     def _commanded(self, command: OperatorCommand, now_s: float) -> list[Output]:
-        problem = self._desk.take(command)
+        problem = self._desk.take(command, self._cells.keys())
         if problem:
             return [Log(CommandRefused(command=command, problem=problem), now_s)]
         self._remember_desk()

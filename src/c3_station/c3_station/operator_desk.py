@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 import msgspec
 from msgspec.structs import replace
 
+from c3_station.sortie_reach import problem_with_reach
 from msgs_json.geometry import mask_problems
 from msgs_json.messages import (
     Abort,
@@ -27,6 +28,8 @@ from msgs_json.messages import (
 )
 
 if TYPE_CHECKING:
+    from collections.abc import Set
+
     from c3_station.scenario import Scenario
     from msgs_json.geometry import Cell
     from msgs_json.messages import DirectiveRefused
@@ -59,6 +62,7 @@ class OperatorDesk:
     """
 
     def __init__(self, scenario: Scenario, memory: DeskMemory | None = None) -> None:
+        self._scenario = scenario
         self._auvs = tuple(auv.name for auv in scenario.auvs)
         self._region = scenario.region
         ordered = Directive(
@@ -92,8 +96,8 @@ class OperatorDesk:
         """Return the cells that the operator has taken out of the region."""
         return frozenset(self.wanted.masked) - frozenset(self._region.masked)
 
-    def take(self, command: OperatorCommand) -> str | None:
-        """Take a command; return why not, or None."""
+    def take(self, command: OperatorCommand, surveyed: Set[Cell] = frozenset()) -> str | None:
+        """Take a command, with these cells being surveyed; return why not, or None."""
         wanted, auvs = self.wanted, self._auvs
         match command:
             case Recall(auvs=named):
@@ -122,9 +126,22 @@ class OperatorDesk:
                 for index, problem in mask_problems(replace(self._region, masked=masked)):
                     return f'masked[{index}] {problem}'
                 wanted = replace(wanted, masked=self._with_those_ordered(masked))
+        before = self.wanted
+        if (wanted.sortie_limit_s, wanted.masked) != (before.sortie_limit_s, before.masked):
+            beyond_reach = self._problem_with_reach(wanted, surveyed)
+            if beyond_reach:
+                return beyond_reach
         if wanted != self.wanted:
             self.wanted = replace(wanted, revision=wanted.revision + 1)
         return None
+
+    def _problem_with_reach(self, wanted: Directive, surveyed: Set[Cell]) -> str | None:
+        cells = replace(self._region, masked=wanted.masked).cells
+        left = [cell for cell in cells if cell not in surveyed]
+        problem = problem_with_reach(self._scenario, wanted.sortie_limit_s, left)
+        return (
+            f'sortie_limit_s {problem}; or take them out of the region first' if problem else None
+        )
 
     def _with_those_ordered(self, masked: tuple[Cell, ...]) -> tuple[Cell, ...]:
         """Return masked cells in the order of the scenario: the same ones are always equal."""

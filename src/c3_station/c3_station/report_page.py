@@ -7,6 +7,7 @@ from pathlib import Path
 import jinja2
 
 from c3_station.figure_style import auv_label
+from c3_station.sortie_reach import listed
 
 
 def page_template(name: str) -> jinja2.Template:
@@ -25,6 +26,7 @@ def page_template(name: str) -> jinja2.Template:
         'rounded': _rounded,
         'ratio': _ratio,
         'auv_label': auv_label,
+        'cells': listed,
     }
     return environment.get_template(name)
 

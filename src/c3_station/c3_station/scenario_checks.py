@@ -18,15 +18,15 @@ from auv_sim.survey_field import make_field
 from c3_station.c3_agent import mission_order
 from c3_station.operator_desk import OperatorDesk
 from c3_station.radio_checks import radio_problems
-from c3_station.radio_timing import hearing_s
 from c3_station.scenario import C3, RESERVED_NAMES, UAV, Limits, Scenario
 from c3_station.scheduled_commands import operator_command
 from c3_station.shape_checks import KeyPath, Problem, nearest
+from c3_station.sortie_reach import problem_with_reach, uav_setup
 from msgs_json.drivers import find_driver, registered_drivers
 from msgs_json.geometry import mask_problems, path_problem, unreachable_cells
 from msgs_json.straight_motion import Flow
 from uav_planner.guarantee import initial_problem
-from uav_planner.mission_order import UavSetup, mission_spec
+from uav_planner.mission_order import mission_spec
 from uav_planner.planners import PLANNERS, make_planner
 from uav_planner.planning import SortieRequest, SurveyLeg
 from uav_planner.uav_params import DRIVERS as UAV_DRIVERS
@@ -163,15 +163,7 @@ def _refused(scenario: Scenario) -> Iterator[Problem]:
     """Ask what the UAV asks when it gets its order; first for L, which has a key of its own."""
     choice, order = scenario.planner, mission_order(scenario, 0.0)
     planner = make_planner(choice.name, **choice.options)
-    uav = UavSetup(
-        c3='c3',
-        speed_mps=scenario.uav.speed_mps,
-        altitude_m=scenario.uav.altitude_m,
-        tick_s=scenario.tick_s,
-        arrival_radius_m=scenario.uav.arrival_radius_m,
-        hearing_s=hearing_s(scenario),
-    )
-    mission = mission_spec(order, uav)
+    mission = mission_spec(order, uav_setup(scenario))
     legs = tuple(
         SurveyLeg(auv=auv.name, path=auv.leg.path, surface_deadline_s=auv.leg.surface_deadline_s)
         for auv in order.auvs
@@ -180,6 +172,10 @@ def _refused(scenario: Scenario) -> Iterator[Problem]:
     if problem:
         text = f'is {scenario.sortie.limit_s:g}, and {choice.name} guarantees it: {problem}'
         yield Problem(('sortie', 'limit_s'), text)
+        return
+    problem = problem_with_reach(scenario, scenario.sortie.limit_s, scenario.region.cells)
+    if problem:
+        yield Problem(('sortie', 'limit_s'), problem)
         return
     try:
         planner.plan_sortie(SortieRequest(mission=mission, legs=legs, now_s=0.0))
@@ -210,8 +206,13 @@ def _unknown_parts(scenario: Scenario) -> Iterator[Problem]:
 
 
 def _commands(scenario: Scenario) -> Iterator[Problem]:
-    """Give the operator's commands to a desk as C3 has one: it says now what it would say then."""
+    """
+    Give the operator's commands to a desk as C3 has one: it says now what it would say then.
+
+    What is surveyed by then nobody knows; here all of it is.
+    """
     desk, before_s = OperatorDesk(scenario), 0.0
+    surveyed = frozenset(scenario.region.cells)
     for index, scheduled in enumerate(scenario.operator):
         if scheduled.at_s < before_s:
             yield Problem(
@@ -220,7 +221,7 @@ def _commands(scenario: Scenario) -> Iterator[Problem]:
             )
         before_s = scheduled.at_s
         try:
-            problem = desk.take(operator_command(scheduled.command))
+            problem = desk.take(operator_command(scheduled.command), surveyed)
         except ValueError as error:
             problem = f'{error}'
         if problem:

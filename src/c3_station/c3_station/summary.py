@@ -21,12 +21,14 @@ from c3_station.bag import BagFacts
 from c3_station.lower_bound import lower_bound_s
 from c3_station.node_params import C3
 from c3_station.scenario_files import scenario_from_json
+from c3_station.sortie_reach import beyond_reach
 from msgs_json import codec
 from msgs_json.codec import MessageError
-from msgs_json.geometry import Cell, is_before
+from msgs_json.geometry import Cell, GridSpec, is_before, unreachable_cells
 from msgs_json.messages import (
     CellEntered,
     ContactState,
+    Directive,
     DirectiveTaken,
     Event,
     GivenUp,
@@ -149,6 +151,12 @@ class Summary(msgspec.Struct, frozen=True, kw_only=True):
     """When all AUVs were up for recovery, all data at C3 and the UAV home."""
     cells_total: int | None
     cells_explored: int
+    out_of_reach: tuple[Cell, ...]
+    """
+    Cells not entered that nobody could enter in the end, though there were AUVs left to survey.
+
+    No such AUV had a way there, or no sortie could go there and be back within the limit.
+    """
     moves_total: int
     """Cells entered after the start cells, up to `explored_s`."""
     revisits: int
@@ -410,8 +418,10 @@ class _Figures:
         self.heard_again_s: dict[str, float] = {}
         """The last time."""
         self.aborted: set[str] = set()
-        self.masked: tuple[Cell, ...] = ()
-        """Cells that are not part of the region, as the operator wanted last."""
+        self.directive: Directive | None = None
+        """The one by which the UAV flew last; None where the operator wanted nothing."""
+        self.last_cell: dict[str, Cell] = {}
+        """By AUV: the one that it entered last."""
         self.deliveries: list[tuple[float, SamplesDelivered]] = []
         self.at_c3 = (
             None if status is None else {auv.name: auv.samples_delivered for auv in status.auvs}
@@ -451,6 +461,7 @@ class _Figures:
                 self.numbered.add((source, number))
                 self.entries.append((time_s, event))
                 self.sampled_s.setdefault(source, []).append(time_s)
+                self.last_cell[source] = event.cell
             case Surfaced():
                 self.surfaced_s[source, event.leg_id] = time_s
                 if event.outcome is LegOutcome.ABORTED:
@@ -472,7 +483,7 @@ class _Figures:
             case HeardAgain(auv=auv):
                 self.heard_again_s[auv] = time_s
             case DirectiveTaken(directive=directive):
-                self.masked = directive.masked
+                self.directive = directive
             case SamplesDelivered():
                 self.deliveries.append((time_s, event))
 
@@ -498,6 +509,9 @@ class _Figures:
             delivered_s=self._delivered_s(scenario),
             mission_s=self.completed_s,
             cells_total=len(cells) if scenario else None,
+            out_of_reach=(
+                self._out_of_reach(scenario, cells - first_entered_s.keys()) if scenario else ()
+            ),
             cells_explored=len(cells & first_entered_s.keys() if scenario else first_entered_s),
             moves_total=len(moves),
             revisits=len(moves) - len({move.cell for move in moves} - self._start_cells()),
@@ -533,7 +547,24 @@ class _Figures:
 
     def _cells(self, scenario: Scenario | None) -> frozenset[Cell]:
         """Return the cells to be surveyed, without those that the operator took out."""
-        return frozenset(scenario.region.cells if scenario else ()) - frozenset(self.masked)
+        return frozenset(self._region(scenario).cells if scenario else ())
+
+    def _region(self, scenario: Scenario) -> GridSpec:
+        region = scenario.region
+        if self.directive is None:
+            return region
+        return msgspec.structs.replace(region, masked=self.directive.masked)
+
+    def _out_of_reach(self, scenario: Scenario, left: frozenset[Cell]) -> tuple[Cell, ...]:
+        """Return which of the cells that were not entered nobody could enter."""
+        recalled = self.directive.recalled if self.directive else ()
+        surveyors = self.last_cell.keys() - {*self._lost(), *self.aborted, *recalled}
+        if not surveyors or not left:
+            return ()
+        limit_s = self.directive.sortie_limit_s if self.directive else scenario.sortie.limit_s
+        places = [self.last_cell[auv] for auv in surveyors]
+        cut_off = left.intersection(unreachable_cells(self._region(scenario), places))
+        return tuple(sorted(cut_off.union(beyond_reach(scenario, limit_s, left))))
 
     def _lower_bound_s(self, scenario: Scenario | None) -> float | None:
         if scenario is None or len(self._cells(scenario)) != scenario.region.cells_total:

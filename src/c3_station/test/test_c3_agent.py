@@ -868,6 +868,19 @@ def test_a_new_process_ends_the_mission_when_all_that_was_announced_is_here() ->
         assert bench.agent.finished == ends
 
 
+def test_a_limit_may_leave_cells_out_of_reach_that_are_here() -> None:
+    # Only [2, 1] is farther: 20 m beyond the range, 5 ticks there and 5 back, 1 to hand over.
+    robust = msgspec.structs.replace(SCENARIO.planner, name='robust')
+    bench = Bench(scenario=msgspec.structs.replace(SCENARIO, planner=robust)).surveying()
+    shorter = ChangeLimit(sortie_limit_s=10.0)
+    (refused,) = events(bench.hear(shorter, src='operator'))
+    assert isinstance(refused, CommandRefused)
+    assert refused.problem.startswith('sortie_limit_s is 10; allowed: at least 11, or no sortie')
+    bench.hear(batch(sample('auv_2', 0, (2, 1))))
+    (taken,) = events(bench.hear(shorter, src='operator'))
+    assert isinstance(taken, CommandTaken)
+
+
 def test_what_is_stored_is_what_has_changed() -> None:
     bench = Bench()
     bench.store = watched = WatchedStore()

@@ -10,7 +10,7 @@ from msgspec.structs import replace
 
 from c3_station.operator_desk import DeskMemory, OperatorDesk
 from c3_station.scenario import Auv, PlannerChoice, Radio, Scenario, Sortie, Uav
-from msgs_json.geometry import GridSpec, Point
+from msgs_json.geometry import Cell, GridSpec, Point
 from msgs_json.messages import (
     Abort,
     ChangeLimit,
@@ -152,6 +152,40 @@ def test_a_command_that_makes_no_sense_changes_nothing(
 
 def test_cells_taken_out_are_those_that_were_not_masked_in_the_order() -> None:
     assert told(ChangeRegion(masked=((0, 0), (0, 2)))).taken_out == {(0, 2)}
+
+
+FAR: Cell = (2, 2)
+"""Its centre is 39.1 m from C3, 27.1 m of them to be flown at 5 m/s: 6 s there and 6 s back."""
+BEYOND = (
+    'sortie_limit_s is 11; allowed: at least 12, or no sortie could go to 1 of the cells and be'
+    ' back in time: [2, 2]; or take them out of the region first'
+)
+GUARANTEED = replace(SCENARIO, planner=PlannerChoice(name='robust', path_cells=3))
+
+
+def test_a_limit_that_leaves_cells_out_of_reach_is_refused() -> None:
+    desk = OperatorDesk(GUARANTEED)
+    assert desk.take(ChangeLimit(sortie_limit_s=12.0)) is None
+    assert desk.take(ChangeLimit(sortie_limit_s=11.0)) == BEYOND
+    assert desk.wanted == replace(ORDERED, revision=1, sortie_limit_s=12.0)
+
+
+def test_cells_out_of_reach_do_not_matter_once_they_are_surveyed() -> None:
+    desk = OperatorDesk(GUARANTEED)
+    assert desk.take(ChangeLimit(sortie_limit_s=11.0), {FAR}) is None
+
+
+def test_cells_out_of_reach_may_be_taken_out_and_do_not_come_back() -> None:
+    desk = OperatorDesk(GUARANTEED)
+    assert desk.take(ChangeRegion(masked=(FAR,))) is None
+    assert desk.take(ChangeLimit(sortie_limit_s=11.0)) is None
+    assert desk.take(ChangeRegion(masked=())) == BEYOND
+    assert desk.take(Abort()) is None
+    assert desk.wanted.sortie_limit_s == 11.0
+
+
+def test_a_planner_that_guarantees_no_limit_goes_everywhere() -> None:
+    assert told(ChangeLimit(sortie_limit_s=5.0)).wanted.sortie_limit_s == 5.0
 
 
 # --- what the UAV says ---------------------------------------------------------------------------

@@ -389,10 +389,31 @@ def test_what_links_do_not_say_stays_unsaid() -> None:
 def test_a_region_that_its_planner_cannot_plan_is_refused(tmp_path: Path) -> None:
     content = changed(('planner',), {'name': 'adaptive', 'path_cells': 6})
     content['region'] |= {'cols': 1000, 'rows': 20}
+    content['sortie']['limit_s'] = 1e5
     assert load_scenario(write(tmp_path, content)).planner.name == 'adaptive'
     content['region']['masked'] = [[999, 19]]
     with pytest.raises(ScenarioError, match=r"planner.name is 'adaptive'; .* it has 20000"):
         load_scenario(write(tmp_path, content))
+
+
+def test_a_limit_by_which_no_sortie_gets_to_all_cells_is_refused(tmp_path: Path) -> None:
+    # From (50, 0) to 20 m short of the centre of [0, 9] at (5, 95) are 85.1 m: at 5 m/s 18 ticks.
+    content = changed(('planner',), {'name': 'robust', 'path_cells': 6})
+    content['c3'] = {'east_m': 50.0, 'north_m': 0.0}
+    content['uav']['speed_mps'] = 5.0
+    content['sortie']['limit_s'] = 36.0
+    for auv, col in zip(content['auvs'], (4, 5, 6), strict=True):
+        auv['initial_path'] = [[col, 0], [col, 1]]
+    assert load_scenario(write(tmp_path, content)).sortie.limit_s == 36.0
+    content['sortie']['limit_s'] = 35.0
+    problem = (
+        'limit_s is 35; allowed: at least 36, or no sortie could go to 2 of the cells and be back'
+        r' in time: \[0, 9\], \[9, 9\]'
+    )
+    with pytest.raises(ScenarioError, match=problem):
+        load_scenario(write(tmp_path, content))
+    content['region']['masked'] = [[0, 9], [9, 9]]
+    assert load_scenario(write(tmp_path, content)).sortie.limit_s == 35.0
 
 
 def test_what_no_auv_reaches_may_be_masked_too_or_get_an_auv(tmp_path: Path) -> None:

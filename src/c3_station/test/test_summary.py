@@ -352,6 +352,75 @@ def test_cells_that_the_operator_took_out_are_not_waited_for() -> None:
     )
 
 
+WALL: tuple[Cell, ...] = ((2, 0), (2, 1), (2, 2))
+
+
+def wanted(**changes: object) -> Directive:
+    """Return what an operator wants of the scenario below."""
+    return msgspec.structs.replace(ORDERED, **{'revision': 1, 'masked': WALL, **changes})
+
+
+def divided(planner: str) -> Scenario:
+    """Return a scenario of two parts with 2 x 3 cells, and an AUV in each."""
+    content = json.loads(scenario_json(load_scenario('minimal')))
+    content['region'] = {'cols': 5, 'rows': 3, 'cell_m': 10.0}
+    content['region']['masked'] = WALL
+    content['c3'] = {'east_m': -20.0, 'north_m': 15.0}
+    content['planner'] |= {'name': planner}
+    first = content['auvs'][0] | {'initial_path': [[0, 0], [0, 1]]}
+    second = first | {'name': 'auv_2', 'initial_path': [[3, 0], [3, 1]]}
+    content['auvs'] = [first, second]
+    return parse_scenario(json.dumps(content))
+
+
+EAST: tuple[Cell, ...] = ((3, 1), (3, 2), (4, 0), (4, 1), (4, 2))
+
+
+@pytest.mark.parametrize(
+    ('log', 'out_of_reach'),
+    [
+        ([], ()),
+        ([(9.0, 'uav', GivenUp(sortie=1, auv='auv_2'))], EAST),
+        ([(9.0, 'uav', GivenUp(sortie=1, auv='auv_1'))], ((0, 1), (0, 2), (1, 0), (1, 1), (1, 2))),
+        ([(9.0, 'auv_2', StayedUp(reason=RecoveryReason.ABORTED))], EAST),
+        ([(9.0, 'uav', DirectiveTaken(directive=wanted(recalled=('auv_2',))))], EAST),
+        # Nobody is left: that is what the operator wanted.
+        ([(9.0, 'uav', DirectiveTaken(directive=wanted(recalled=('auv_1', 'auv_2'))))], ()),
+        # What is taken out is not missed.
+        (
+            [
+                (9.0, 'uav', DirectiveTaken(directive=wanted(masked=(*WALL, *EAST[1:])))),
+                (10.0, 'uav', GivenUp(sortie=1, auv='auv_2')),
+            ],
+            EAST[:1],
+        ),
+    ],
+    ids=['none', 'lost', 'other_lost', 'asks_for_help', 'recalled', 'all_recalled', 'taken_out'],
+)
+def test_cells_are_out_of_reach_of_all_who_are_left(
+    log: Log, out_of_reach: tuple[Cell, ...]
+) -> None:
+    starts: Log = [
+        (0.0, 'c3', started(divided('ecc2009'))),
+        (0.0, 'auv_1', entered(0, (0, 0))),
+        (0.0, 'auv_2', entered(0, (3, 0))),
+    ]
+    assert summary_of([*starts, *log]).out_of_reach == out_of_reach
+
+
+def test_cells_are_out_of_reach_of_sorties_that_are_too_short() -> None:
+    # The UAV hears an AUV in the last column from 45 m away from C3: 12 s there at 4 m/s.
+    far: tuple[Cell, ...] = ((4, 0), (4, 1), (4, 2))
+    starts: Log = [
+        (0.0, 'c3', started(divided('robust'))),
+        (0.0, 'auv_1', entered(0, (0, 0))),
+        (0.0, 'auv_2', entered(0, (3, 0))),
+    ]
+    for limit_s, out_of_reach in ((24.0, ()), (23.0, far)):
+        taken = DirectiveTaken(directive=wanted(sortie_limit_s=limit_s))
+        assert summary_of([*starts, (1.0, 'uav', taken)]).out_of_reach == out_of_reach
+
+
 def test_the_oldest_sample_that_was_never_delivered_ages_until_the_end() -> None:
     mission = without(SamplesDelivered, after_s=20.0)  # those of 24, 34, 49 and 59 s stay away
     assert summary_of(mission).data_age_max_s == 97.0 - 24.0
