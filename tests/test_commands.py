@@ -31,6 +31,7 @@ def test_a_run_without_ros_leaves_everything_it_promises(
     assert 'passed: every condition of the scenario is met' in capsys.readouterr().out
 
 
+@pytest.mark.slow
 def test_report_makes_the_same_again_from_the_bag_alone(tiny: Path, tmp_path: Path) -> None:
     out, again = tmp_path / 'run', tmp_path / 'again'
     run('run', tiny, '--no-ros', '--out', out)
@@ -39,6 +40,7 @@ def test_report_makes_the_same_again_from_the_bag_alone(tiny: Path, tmp_path: Pa
     assert (again / 'report.html').exists()
 
 
+@pytest.mark.slow
 def test_without_a_bag_the_figures_are_the_same(tiny: Path, tmp_path: Path) -> None:
     run('run', tiny, '--no-ros', '--out', tmp_path / 'with')
     run('run', tiny, '--no-ros', '--no-bag', '--out', tmp_path / 'without')

@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 from orchestrated_run import Run
 
+from c3_station.cli import main
 from c3_station.exit_codes import ExitCode
 from c3_station.mission_record import MissionRecord, read_mission
 from c3_station.operator_words import silence
@@ -135,8 +136,7 @@ def test_c3_obeys_nobody_without_its_key(tmp_path: Path, runs: list[Run]) -> Non
     ids=['word', 'number', 'cells', 'mission'],
 )
 def test_what_is_no_command_or_no_mission_is_said_at_once(
-    tmp_path: Path, words: list[str], problem: str
+    tmp_path: Path, words: list[str], problem: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    code, output = command(tmp_path, *words)
-    assert code == ExitCode.BAD_INPUT
-    assert output == problem.format(out=tmp_path)
+    assert main(['command', str(tmp_path), *words]) == ExitCode.BAD_INPUT
+    assert ' '.join(capsys.readouterr().err.split()) == problem.format(out=tmp_path)

@@ -131,9 +131,8 @@ class NotingOrders(AdaptivePlanner):
         return super().plan_path(request)
 
 
-@pytest.mark.parametrize(
-    'auvs', [2, *(pytest.param(auvs, marks=pytest.mark.slow) for auvs in (3, 7))]
-)
+@pytest.mark.slow
+@pytest.mark.parametrize('auvs', [2, 3, 7])
 def test_missions_in_a_planned_visiting_order_keep_to_it_and_to_the_limit(auvs: int) -> None:
     asked = {'auvs': Span(least=auvs, most=auvs), 'cols': Span(least=4, most=8)}
     changed = 0

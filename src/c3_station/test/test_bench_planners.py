@@ -245,6 +245,7 @@ def test_no_text_of_a_figure_is_cut_off_or_hidden(draw) -> None:  # type: ignore
 # --- all of it -----------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_a_small_benchmark_from_end_to_end(tmp_path: Path) -> None:
     text = io.StringIO()
     planners = ('ecc2009', 'lanes')

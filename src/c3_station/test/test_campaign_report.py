@@ -103,6 +103,7 @@ def test_without_trouble_that_is_said() -> None:
     assert 'Beside' not in text
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('flown', [0, 1, 2, 9])
 def test_a_campaign_that_was_broken_off_has_a_report(flown: int) -> None:
     page = render_campaign_report(FOLDER, CAMPAIGN, RESULTS[:flown])
@@ -113,6 +114,7 @@ def test_a_campaign_that_was_broken_off_has_a_report(flown: int) -> None:
     assert 'python3 orchestrate.py campaign --resume runs/c' in text
 
 
+@pytest.mark.slow
 def test_many_scenarios_share_a_section(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr('c3_station.campaign_groups._SECTIONS_MAX', 1)
     campaign = sample_campaign(scenarios=('minimal', 'ecc2009', 'fleet_8'), seeds=4)
