@@ -63,7 +63,8 @@ FIGURES: tuple[tuple[str, str, str, Callable[[MissionRecord, Scenario], Figure |
     (
         'coverage',
         'Coverage over time',
-        'What is entered is known to C3 only once the UAV is back with the data.',
+        'What is entered is known to C3 only once the UAV is back with the data. Shares are of the'
+        ' region as the operator wanted it at the time.',
         draw_coverage,
     ),
     (

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from itertools import pairwise
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from matplotlib import colormaps
@@ -44,12 +44,18 @@ ARROWS_TOTAL = 150
 """About as many arrow heads as a map of routes bears."""
 GRID_CELLS = 60
 """With more columns or rows than that the lines between cells would fill the map."""
+_TAKEN_OUT: Any = {  # matplotlib lists every key there is as its type
+    'facecolor': 'none',
+    'edgecolor': GREY,
+    'hatch': 'xxxx',
+    'lw': 0.0,
+}
 FINE_CELLS = 400
 """A map with more cells than that is drawn with finer lines."""
 
 
-def _map(scenario: Scenario, *, legend_rows: int) -> tuple[Figure, Axes]:
-    """Return axes over the region and C3, with the grid of cells and the land."""
+def _map(record: MissionRecord, scenario: Scenario, *, legend_rows: int) -> tuple[Figure, Axes]:
+    """Return axes over the region and C3, with the grid of cells and those not to be surveyed."""
     region = scenario.region
     width_m, height_m = region.cols * region.cell_m, region.rows * region.cell_m
     margin_m = 0.04 * max(width_m, height_m)
@@ -66,6 +72,7 @@ def _map(scenario: Scenario, *, legend_rows: int) -> tuple[Figure, Axes]:
     if region.masked:
         land = np.where(region.mask, 1.0, np.nan)
         _mesh(axes, land, scenario, ListedColormap([LAND])).set_zorder(0.9)  # over the grid
+    _draw_taken_out(axes, record, scenario)
     axes.set_xlim(west_m - margin_m, east_m + margin_m)
     axes.set_ylim(south_m - margin_m, north_m + margin_m)
     axes.set_aspect('equal')
@@ -74,9 +81,31 @@ def _map(scenario: Scenario, *, legend_rows: int) -> tuple[Figure, Axes]:
     return figure, axes
 
 
-def _land_in_legend(scenario: Scenario) -> list[Line2D | Patch]:
-    """Return what a legend says of land, nothing where there is none."""
-    return [Patch(color=LAND, label='masked (land, no-go)')] if scenario.region.masked else []
+def _draw_taken_out(axes: Axes, record: MissionRecord, scenario: Scenario) -> None:
+    """Cross out the cells that the operator did not want surveyed; samples show through."""
+    region, taken_out = scenario.region, record.taken_out(scenario)
+    if not taken_out:
+        return
+    blank = np.full((region.rows, region.cols), np.nan)
+    for cell in taken_out:
+        blank[region.index(cell)] = 1.0
+    # Over the hatch of cells that nobody entered, under samples.
+    _mesh(axes, blank, scenario, ListedColormap(['white'])).set_zorder(0.3)
+    for col, row in taken_out:
+        corner_m = (col * region.cell_m, row * region.cell_m)
+        axes.add_patch(
+            Rectangle(corner_m, region.cell_m, region.cell_m, zorder=0.95, **_TAKEN_OUT)
+        )
+
+
+def _unsurveyed_in_legend(record: MissionRecord, scenario: Scenario) -> list[Line2D | Patch]:
+    """Return what a legend says of cells that are not to be surveyed."""
+    handles: list[Line2D | Patch] = []
+    if scenario.region.masked:
+        handles.append(Patch(color=LAND, label='masked (land, no-go)'))
+    if record.taken_out(scenario):
+        handles.append(Patch(label='taken out by the operator', **_TAKEN_OUT))
+    return handles
 
 
 def _draw_c3(axes: Axes, scenario: Scenario) -> None:
@@ -116,10 +145,12 @@ def draw_routes(record: MissionRecord, scenario: Scenario) -> Figure | None:
         Line2D([], [], color=GREY, marker='o', mfc='white', ls='none', ms=8, label='start'),
         Line2D([], [], color=GREY, marker='X', ls='none', ms=7, label='end'),
         Line2D([], [], color=BLACK, marker='s', ls='none', ms=8, label='C3'),
-        *_land_in_legend(scenario),
+        *_unsurveyed_in_legend(record, scenario),
     ]
     columns = 6 if len(handles) % 6 < 2 else 4
-    figure, axes = _map(scenario, legend_rows=-(-len(handles) // columns))
+    if record.taken_out(scenario):
+        columns = 3  # its label is long
+    figure, axes = _map(record, scenario, legend_rows=-(-len(handles) // columns))
     _hatch_not_entered(axes, record, scenario)
     cell_m = scenario.region.cell_m
     width = 1.5 if scenario.region.cells_total <= FINE_CELLS else 1.0
@@ -264,8 +295,8 @@ def draw_first_sortie(record: MissionRecord, scenario: Scenario) -> Figure | Non
     if not record.summary.sorties or not record.routes or track is None:
         return None
     sortie = record.summary.sorties[0]
-    land = _land_in_legend(scenario)
-    figure, axes = _map(scenario, legend_rows=3 + len(land))
+    unsurveyed = _unsurveyed_in_legend(record, scenario)
+    figure, axes = _map(record, scenario, legend_rows=3 + len(unsurveyed))
     numbers = {auv.name: number for number, auv in enumerate(scenario.auvs)}
     for number, auv in enumerate(scenario.auvs):
         cells = [scenario.region.centre(cell) for cell in auv.initial_path]
@@ -310,7 +341,7 @@ def draw_first_sortie(record: MissionRecord, scenario: Scenario) -> Figure | Non
         Line2D([], [], color=GREY, ls=':', lw=1.5, label='path before'),
         Line2D([], [], color=GREY, lw=2.2, label='path handed over'),
         Line2D([], [], marker='o', ms=11, mfc='none', mec=GREY, ls='none', label='radio range'),
-        *land,
+        *unsurveyed,
     ]
     legend_below(figure, handles, 2)
     return figure
@@ -373,15 +404,15 @@ def draw_survey(record: MissionRecord, scenario: Scenario) -> Figure | None:
     values = np.full((region.rows, region.cols), np.nan)
     for sample in sorted(record.survey.values(), key=lambda sample: sample.entered_s):
         values[region.index(sample.cell)] = sample.value
-    land = _land_in_legend(scenario)
-    figure, axes = _map(scenario, legend_rows=3 + len(land))
+    unsurveyed = _unsurveyed_in_legend(record, scenario)
+    figure, axes = _map(record, scenario, legend_rows=3 + len(unsurveyed))
     _hatch_region(axes, scenario)
     mesh = _mesh(axes, values, scenario, colormaps['cividis'])
     _draw_c3(axes, scenario)
     bar = figure.colorbar(mesh, ax=axes, location='bottom', shrink=0.7, aspect=30, pad=0.02)
     bar.set_label(_field_label(scenario))
-    if land:
-        legend_below(figure, land, 1)
+    if unsurveyed:
+        legend_below(figure, unsurveyed, 1)
     return figure
 
 

@@ -6,6 +6,7 @@ import struct
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
+from msgspec.structs import replace
 from rosbags.serde import SerdeError
 from rosbags.typesys import Stores, get_typestore
 
@@ -16,7 +17,7 @@ from c3_station.summary import LoggedEvent, Summarizer, Summary, digest, mission
 from msgs_json import codec
 from msgs_json.codec import MessageError
 from msgs_json.geometry import Point
-from msgs_json.messages import MissionStarted, Sample, SampleBatch
+from msgs_json.messages import DirectiveTaken, MissionStarted, Sample, SampleBatch
 from msgs_json.ros_messages import (
     NANOSECONDS,
     ClockTime,
@@ -35,6 +36,7 @@ if TYPE_CHECKING:
 
     from c3_station.scenario import Scenario
     from c3_station.summary import Record
+    from msgs_json.geometry import Cell, GridSpec
     from msgs_json.messages import ContactState
 
 _store = get_typestore(Stores.ROS2_JAZZY)
@@ -69,6 +71,23 @@ class MissionRecord:
     """Messages to C3 that the UAV did not say: damaged or forged; none of it is in `survey`."""
     contacts: dict[str, tuple[tuple[float, ContactState | None], ...]]
     """By AUV: when C3 changed its mind about what its silence means."""
+    delivered: tuple[tuple[float, float], ...]
+    """Share of the region of which C3 has samples, by its own count: each change."""
+
+    def regions(self, scenario: Scenario) -> tuple[tuple[float, GridSpec], ...]:
+        """Return what was to be surveyed: as ordered, and from when the UAV flew by another."""
+        regions = [(0.0, scenario.region)]
+        for each in self.events:
+            if isinstance(each.event, DirectiveTaken):
+                region = replace(scenario.region, masked=each.event.directive.masked)
+                if region != regions[-1][1]:
+                    regions.append((each.stamp_s, region))
+        return tuple(regions)
+
+    def taken_out(self, scenario: Scenario) -> frozenset[Cell]:
+        """Return the cells of the order that the operator did not want surveyed in the end."""
+        _, region = self.regions(scenario)[-1]
+        return frozenset(region.masked) - frozenset(scenario.region.masked)
 
 
 def read_mission(bag: Path) -> MissionRecord:
@@ -139,6 +158,7 @@ def gather_mission(records: Iterable[Record], facts: BagFacts) -> MissionRecord:
             auv: tuple((stamp_s - start_s, contact) for stamp_s, contact in changes)
             for auv, changes in summarizer.contacts.items()
         },
+        delivered=tuple((stamp_s - start_s, share) for stamp_s, share in summarizer.delivered),
     )
 
 

@@ -24,6 +24,13 @@ from c3_station.scenario_files import (
     with_choices,
 )
 from c3_station.summary import check_conditions
+from msgs_json.messages import (
+    MissionResumed,
+    MissionStopped,
+    NodeRestarted,
+    StorageFailed,
+    StorageRestored,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -31,6 +38,7 @@ if TYPE_CHECKING:
     from c3_station.figures import DrawnFigure
     from c3_station.mission_record import MissionRecord
     from c3_station.scenario import Scenario
+    from c3_station.summary import LoggedEvent
 
 
 def write_report(bag: Path, out: Path) -> MissionRecord:
@@ -73,6 +81,13 @@ def render_report(
         summary=summary,
         facts=record.facts,
         strange=record.strange,
+        taken_out=len(record.taken_out(scenario)) if scenario else 0,
+        limits_s=sorted({each.limit_s for each in summary.sorties}),
+        node_entries=[
+            {'time_s': each.stamp_s, 'node': node, 'what': what}
+            for each in record.events
+            for node, what in _of_a_node(each)
+        ],
         checks=check_conditions(summary, scenario) if scenario else None,
         comparisons=comparisons(summary) if scenario and is_reference_mission(scenario) else (),
         figures=[
@@ -94,6 +109,21 @@ def render_report(
             msgspec.json.format(scenario_json(scenario), indent=2).decode() if scenario else None
         ),
     )
+
+
+def _of_a_node(logged: LoggedEvent) -> Iterator[tuple[str, str]]:
+    """Yield the node that an entry of the log is about and what became of it, if it is that."""
+    match logged.event:
+        case NodeRestarted(node=node, restarts=restarts):
+            yield node, f'died and was started again (restart {restarts})'
+        case StorageFailed(problem=problem):
+            yield logged.source, f'could not store, and kept silent: {problem}'
+        case StorageRestored():
+            yield logged.source, 'stored again'
+        case MissionResumed():
+            yield 'all', 'were started again: the mission was resumed'
+        case MissionStopped(reason=reason, node=str(node)):
+            yield node, f'ended the mission: {reason}'
 
 
 @contextmanager

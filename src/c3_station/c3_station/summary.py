@@ -253,6 +253,8 @@ class Summarizer:
         """What C3 showed last."""
         self.contacts: dict[str, list[tuple[float, ContactState | None]]] = {}
         """By AUV: each change of what C3 made of its silence, with its stamp."""
+        self.delivered: list[tuple[float, float]] = []
+        """Share of the region of which C3 has samples: each change, with its stamp."""
         self._log: set[bytes] = set()
         """Digests of the entries that came: a restarted node may say its last ones again."""
         self._radio: RadioStatus | None = None
@@ -309,6 +311,9 @@ class Summarizer:
 
     def _take_status(self, stamp_s: float, status: MissionStatus) -> None:
         self.status = status
+        share = status.cells_delivered / status.cells_total if status.cells_total else 1.0
+        if not self.delivered or self.delivered[-1][1] != share:
+            self.delivered.append((stamp_s, share))
         for auv in status.auvs:
             changes = self.contacts.setdefault(auv.name, [])
             if not changes or changes[-1][1] is not auv.contact:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+from bisect import bisect_right
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
@@ -31,17 +33,19 @@ from msgs_json.messages import (
     ContactState,
     Met,
     Missed,
-    SamplesDelivered,
     Surfaced,
 )
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
     from c3_station.mission_record import MissionRecord
     from c3_station.scenario import Scenario
-    from msgs_json.geometry import Cell
+    from c3_station.summary import SortieSummary
+    from msgs_json.geometry import Cell, GridSpec
 
 Look = dict[str, Any]
 """How matplotlib draws something; it lists every key there is as its type."""
@@ -73,51 +77,27 @@ _BROKEN_OFF: Look = {'marker': '<', 'mfc': 'white', 'mec': BLACK, 'mew': 1.0, 'l
 
 def draw_coverage(record: MissionRecord, scenario: Scenario) -> Figure | None:
     """Draw the share of cells entered and delivered over time, with what bounds them."""
-    cells_total = scenario.region.cells_total
-    first_entered_s: dict[Cell, float] = {}
-    for each in record.events:
-        if isinstance(each.event, CellEntered):
-            first_entered_s.setdefault(each.event.cell, each.stamp_s)
-    if not first_entered_s:
+    regions = record.regions(scenario)
+    entered = _entered(record, regions)
+    if not entered:
         return None
-    deliveries = [
-        (each.stamp_s, each.event.cells_delivered)
-        for each in record.events
-        if isinstance(each.event, SamplesDelivered)
-    ]
     end_s = _end_s(record, scenario)
     figure, axes = new_figure(3.7)
-    bound_s, bound = _best_coverage(scenario)
-    axes.step(
-        [*bound_s, end_s],
-        [*bound, bound[-1]],
-        where='post',
-        color=GREY,
-        lw=1.0,
-        ls=(0, (4, 2)),
-        label=f'no planner is faster ({bound_s[-1]:g} s)',
+    if len(regions) == 1:  # the bound is that of the region as it was ordered
+        bound_s, bound = _best_coverage(scenario)
+        label = f'no planner is faster ({bound_s[-1]:g} s)'
+        look: Look = {'color': GREY, 'lw': 1.0, 'ls': (0, (4, 2)), 'label': label}
+        _steps(axes, list(zip(bound_s, bound, strict=True)), end_s, look)
+    label = 'entered by an AUV' + _all_at(record.summary.explored_s)
+    _steps(axes, entered, end_s, {'color': BLUE, 'lw': 2.0, 'label': label})
+    delivered = [(0.0, 0.0), *((time_s, 100.0 * share) for time_s, share in record.delivered)]
+    label = 'delivered to C3' + _all_at(record.summary.delivered_s)
+    _steps(
+        axes, delivered, end_s, {'color': GREEN, 'lw': 2.0, 'ls': (0, (5, 1.5)), 'label': label}
     )
-    entered_s = sorted(first_entered_s.values())
-    entered = [100.0 * (count + 1) / cells_total for count in range(len(entered_s))]
-    axes.step(
-        [*entered_s, end_s],
-        [*entered, entered[-1]],
-        where='post',
-        color=BLUE,
-        lw=2.0,
-        label='entered by an AUV' + _all_at(record.summary.explored_s),
-    )
-    delivered_s = [0.0, *(time_s for time_s, _ in deliveries), end_s]
-    delivered = [0.0, *(100.0 * cells / cells_total for _, cells in deliveries)]
-    axes.step(
-        delivered_s,
-        [*delivered, delivered[-1]],
-        where='post',
-        color=GREEN,
-        lw=2.0,
-        ls=(0, (5, 1.5)),
-        label='delivered to C3' + _all_at(record.summary.delivered_s),
-    )
+    for number, (changed_s, _) in enumerate(regions[1:]):
+        label = '' if number else 'region changed by the operator'
+        axes.axvline(changed_s, color=VERMILLION, lw=1.2, ls='-.', label=label)
     if is_reference_mission(scenario):
         axes.axvline(EXPLORED_S, color=VERMILLION, lw=1.4, ls=':')
         axes.plot([], [], color=VERMILLION, lw=1.4, ls=':', label=f'ECC 2009 ({EXPLORED_S:g} s)')
@@ -129,6 +109,37 @@ def draw_coverage(record: MissionRecord, scenario: Scenario) -> Figure | None:
     axes.set_axisbelow(True)
     figure.legend(loc='outside lower center', ncols=2, columnspacing=1.2)
     return figure
+
+
+def _steps(axes: Axes, points: list[tuple[float, float]], end_s: float, look: Look) -> None:
+    """Draw what stays as it is from each point on, up to the end."""
+    times_s, values = zip(*points, strict=True)
+    axes.step([*times_s, end_s], [*values, values[-1]], where='post', **look)
+
+
+def _entered(
+    record: MissionRecord, regions: Sequence[tuple[float, GridSpec]]
+) -> list[tuple[float, float]]:
+    """Return the share of the cells that were entered, of the region as it was at each time, %."""
+    first_entered_s: dict[Cell, float] = {}
+    for each in record.events:
+        if isinstance(each.event, CellEntered):
+            first_entered_s.setdefault(each.event.cell, each.stamp_s)
+    if not first_entered_s:
+        return []
+    shares = []
+    ends_s = [*(from_s for from_s, _ in regions[1:]), math.inf]
+    for (from_s, region), end_s in zip(regions, ends_s, strict=True):
+        entered_s = sorted(
+            time_s
+            for cell, time_s in first_entered_s.items()
+            if time_s < end_s and region.contains(cell)
+        )
+        first = bisect_right(entered_s, from_s)
+        later = enumerate(entered_s[first:], first + 1)
+        counts = [(from_s, first), *((time_s, count) for count, time_s in later)]
+        shares += [(time_s, 100.0 * count / region.cells_total) for time_s, count in counts]
+    return shares
 
 
 def _end_s(record: MissionRecord, scenario: Scenario) -> float:
@@ -310,7 +321,7 @@ def draw_sorties(record: MissionRecord, scenario: Scenario) -> Figure | None:
     size = 6.0 if len(sorties) <= 25 else 3.5
     missed = [sortie.index for sortie in sorties if sortie.missed]
     broken_off = [sortie.index for sortie in sorties if sortie.not_reached]
-    foot_s = 0.04 * scenario.sortie.limit_s
+    foot_s = 0.04 * max(sortie.limit_s for sortie in sorties)
     axes.plot(missed, [foot_s] * len(missed), ms=1.2 * size, **_MISSED)
     axes.plot(broken_off, [2.5 * foot_s] * len(broken_off), ms=1.2 * size, **_BROKEN_OFF)
     axes.plot(
@@ -332,10 +343,10 @@ def draw_sorties(record: MissionRecord, scenario: Scenario) -> Figure | None:
         color=BLUE,
         ls='none',
     )
-    limit_s = scenario.sortie.limit_s
-    axes.axhline(limit_s, color=VERMILLION, lw=1.4, ls='--')
+    limits_s = sorted({sortie.limit_s for sortie in sorties})
+    _draw_limits(axes, sorties)
     highest_s = max(
-        limit_s,
+        limits_s[-1],
         *(max(sortie.worst_case_s, sortie.duration_s or 0.0) for sortie in sorties),
     )
     axes.set_ylim(0.0, 1.08 * highest_s)
@@ -345,9 +356,10 @@ def draw_sorties(record: MissionRecord, scenario: Scenario) -> Figure | None:
     axes.set_ylabel('duration (s)')
     axes.grid(axis='y', color=PALE, lw=0.6)
     axes.set_axisbelow(True)
+    said = ' to '.join(f'{limit_s:g}' for limit_s in dict.fromkeys((limits_s[0], limits_s[-1])))
     handles: list[Line2D | Patch] = [
         Patch(facecolor=SKY, label='flown'),
-        Line2D([], [], color=VERMILLION, lw=1.4, ls='--', label=f'limit L = {limit_s:g} s'),
+        Line2D([], [], color=VERMILLION, lw=1.4, ls='--', label=f'limit L = {said} s'),
         Line2D([], [], marker='D', mfc='white', mec=BLACK, ls='none', label='worst case'),
         Line2D([], [], marker='_', color=BLUE, ms=12, mew=2.2, ls='none', label='planned'),
     ]
@@ -361,3 +373,11 @@ def draw_sorties(record: MissionRecord, scenario: Scenario) -> Figure | None:
         handles.append(Line2D([], [], ms=7, label='search broken off', **_BROKEN_OFF))
     legend_below(figure, handles, 2)
     return figure
+
+
+def _draw_limits(axes: Axes, sorties: Sequence[SortieSummary]) -> None:
+    """Draw the limit by which each sortie departed; the operator may have changed it."""
+    starts = [sortie.index - 0.5 for sortie in sorties]
+    limits = [(start, sortie.limit_s) for start, sortie in zip(starts, sorties, strict=True)]
+    limits[0] = (starts[0] - 0.1, sorties[0].limit_s)
+    _steps(axes, limits, starts[-1] + 1.1, {'color': VERMILLION, 'lw': 1.4, 'ls': '--'})

@@ -18,6 +18,7 @@ import pytest
 from matplotlib.collections import QuadMesh
 from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
+from matplotlib.patches import Rectangle
 from page_checks import Page, check_texts, words
 
 from c3_station import map_figures, paper, time_figures
@@ -30,7 +31,7 @@ from c3_station.mission_record import MissionRecord, bag_records, gather_mission
 from c3_station.paper import PAPER_FIGURES, comparisons, is_reference_mission
 from c3_station.recorded_topics import mission_topics
 from c3_station.report import fly_again, render_report, write_report
-from c3_station.scenario import Scenario
+from c3_station.scenario import Faults, Scenario, ScheduledCommand
 from c3_station.scenario_changes import read_change
 from c3_station.scenario_files import (
     load_scenario,
@@ -202,6 +203,60 @@ OUT = Path('out')
 def page_of(record: MissionRecord, figures: tuple[DrawnFigure, ...] = ()) -> str:
     again = fly_again(record, OUT)
     return render_report(record, figures, 'python3 orchestrate.py report bag', again)
+
+
+@functools.cache
+def eventful() -> MissionRecord:
+    """Return a mission of kills and forgeries in which the operator changes region and limit."""
+    commands = (
+        (5.0, {'command': 'change_region', 'masked': [[3, 1], [3, 2]]}),
+        (60.0, {'command': 'change_limit', 'sortie_limit_s': 40.0}),
+    )
+    scenario = msgspec.structs.replace(
+        load_scenario('minimal'),
+        faults=Faults(kills=4, forged=60, disk_full_s=10.0),
+        operator=tuple(ScheduledCommand(at_s=at_s, command=each) for at_s, each in commands),
+    )
+    with tempfile.TemporaryDirectory() as folder:
+        record_bag(scenario, Path(folder) / 'bag')
+        return read_mission(Path(folder))
+
+
+def test_page_tells_which_nodes_died_and_what_they_refused() -> None:
+    record = eventful()
+    page = page_of(record)
+    assert Page(page).open == []
+    text = words(page)
+    restarts = ', '.join(
+        f'{count} \N{MULTIPLICATION SIGN} {name}'
+        for name, count in sorted(record.summary.restarts.items())
+    )
+    assert sum(record.summary.restarts.values()) == 4
+    assert f'Restarts and failures Restarts: {restarts}.' in text
+    assert 'died and was started again (restart 1)' in text
+    assert 'could not store, and kept silent: store in memory: no space left on device' in text
+    assert 'stored again' in text
+    (first, *_) = sorted(
+        record.summary.refusals, key=lambda each: (each.node, each.reason, each.sender)
+    )
+    assert 'Refused messages What a node did not believe' in text
+    assert f'{first.node} {first.sender} {first.reason} {first.count} {first.detail[:4]}' in text
+    quiet = words(page_of(recorded('minimal')))
+    assert 'Restarts' not in quiet
+    assert 'Refused messages' not in quiet
+
+
+def test_page_speaks_of_the_region_and_the_limit_as_they_were_changed() -> None:
+    record = eventful()
+    assert record.summary.cells_total == 10
+    text = words(page_of(record))
+    assert '10 of 10 cells entered, 100 %, in' in text
+    assert '2 more were taken out by the operator' in text
+    assert 'of 30 s to 40 s' in text
+    assert 'no planner can before' not in text
+    unreached = msgspec.structs.replace(record.summary, out_of_reach=((0, 1), (2, 2)))
+    text = words(page_of(replace(record, summary=unreached)))
+    assert 'within the limit: [0, 1], [2, 2].' in text
 
 
 def test_page_is_well_formed_and_needs_nothing_else() -> None:
@@ -416,6 +471,11 @@ def test_no_text_overlaps_and_none_is_cut_off(mission: str, name: str) -> None:
     check_texts(drawn(name, recorded(mission)))
 
 
+@pytest.mark.parametrize('name', ['routes', 'coverage', 'sorties'])
+def test_no_text_overlaps_where_the_operator_has_changed_the_mission(name: str) -> None:
+    check_texts(drawn(name, eventful()))
+
+
 def test_every_axis_has_a_unit() -> None:
     for name in NAMES:
         axes = drawn(name, recorded('ecc2009')).axes[0]
@@ -537,6 +597,48 @@ def test_coverage_ends_at_all_cells_and_stays_below_the_bound() -> None:
     for time_s in range(1, 530):
         at = [line[1][np.searchsorted(line[0], time_s, 'right') - 1] for line in (bound, entered)]
         assert at[1] <= at[0]
+
+
+def test_coverage_is_of_the_region_as_it_was_at_the_time() -> None:
+    record = eventful()
+    assert record.scenario is not None
+    (_, before), (changed_s, after) = record.regions(record.scenario)
+    assert (before.cells_total, after.cells_total) == (12, 10)
+    figure = drawn('coverage', record)
+    entered, delivered, change = figure.axes[0].get_lines()
+    assert np.asarray(entered.get_ydata())[-1] == np.asarray(delivered.get_ydata())[-1] == 100.0
+    shares = zip(np.asarray(entered.get_xdata()), np.asarray(entered.get_ydata()), strict=True)
+    for time_s, share in shares:
+        cells = share * (after if time_s >= changed_s else before).cells_total / 100.0
+        assert cells == pytest.approx(round(cells))
+    assert list(np.asarray(change.get_xdata())) == [changed_s] * 2
+    assert 'region changed by the operator' in legend_of(figure)
+
+
+@pytest.mark.parametrize('name', MAPS)
+def test_cells_that_the_operator_took_out_are_crossed_out_on_every_map(name: str) -> None:
+    figure = drawn(name, eventful())
+    crossed = [
+        (each.get_x(), each.get_y(), each.get_width(), each.get_height())
+        for each in figure.axes[0].patches
+        if isinstance(each, Rectangle) and each.get_hatch() == 'xxxx'
+    ]
+    assert sorted(crossed) == [(30.0, 10.0, 10.0, 10.0), (30.0, 20.0, 10.0, 10.0)]
+    assert 'taken out by the operator' in legend_of(figure)
+
+
+def test_each_sortie_is_drawn_against_the_limit_of_its_departure() -> None:
+    record = eventful()
+    (limits,) = (
+        line for line in drawn('sorties', record).axes[0].get_lines() if line.get_ls() == '--'
+    )
+    numbers, limits_s = np.asarray(limits.get_xdata()), np.asarray(limits.get_ydata())
+    flown_by = [
+        limits_s[np.searchsorted(numbers, sortie.index, 'right') - 1]
+        for sortie in record.summary.sorties
+    ]
+    assert flown_by == [sortie.limit_s for sortie in record.summary.sorties]
+    assert {*flown_by} == {30.0, 40.0}
 
 
 def test_bars_of_the_sorties_are_their_durations() -> None:
