@@ -111,11 +111,12 @@ class Bench:
         setup: UavSetup = SETUP,
         frame_bytes: int = FRAME_BYTES,
         crashes: Container[int] = (),
+        store: MemoryStore | None = None,
     ) -> None:
         self.planner = planner or OneStep()
         self.now_s = -1.0
         self.here = C3
-        self.store = MemoryStore()
+        self.store = store or MemoryStore()
         self._driver = driver or vehicle()
         self._setup = setup
         self._frame_bytes = frame_bytes

@@ -1,20 +1,142 @@
-"""What the operator wants beside the order: which sortie limits and regions can be flown by."""
+"""What the operator wants beside the order: what of it can be flown, and what is in force."""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+import msgspec
 from msgspec import structs
 
 from msgs_json.geometry import is_before, mask_problems, unreachable_cells
+from msgs_json.messages import Acknowledged, Acknowledgement, Directive, DirectiveRefused, Message
+from uav_planner.entries import Entry
 from uav_planner.sortie import leg_waypoints, round_ticks
 
 if TYPE_CHECKING:
     from collections.abc import Container, Iterable
 
     from msgs_json.geometry import Cell, GridSpec
+    from msgs_json.store import Store
+    from uav_planner.fleet import Fleet
     from uav_planner.planning import MissionSpec, SurveyLeg
     from uav_planner.sortie import Route
+
+_DIRECTIVE = 'directive'
+"""Kind of the entry of the store that says what is in force."""
+
+
+class Taken(msgspec.Struct, frozen=True, kw_only=True):
+    """A directive by which the UAV flies, and why it is not all that the operator wanted."""
+
+    directive: Directive
+    problem: str | None
+
+    @property
+    def answer(self) -> Message:
+        """Return what C3 is told, as often as it asks."""
+        if self.problem is None:
+            return Acknowledgement(
+                acknowledges=Acknowledged.DIRECTIVE, reference=self.directive.revision
+            )
+        return DirectiveRefused(
+            revision=self.directive.revision,
+            problem=self.problem,
+            sortie_limit_s=self.directive.sortie_limit_s,
+            masked=self.directive.masked,
+        )
+
+
+class _InForce(msgspec.Struct, frozen=True, kw_only=True):
+    taken: Taken | None = None
+    is_called_home: bool = False
+
+
+class StandingDirective:
+    """The directive by which the UAV flies, and an abort that it has heard in the air."""
+
+    def __init__(self) -> None:
+        self._in_force = Entry(_DIRECTIVE, _InForce())
+
+    def load(self, store: Store) -> None:
+        """Go on by what a process before this one had taken."""
+        self._in_force.load(store, _InForce)
+
+    def save(self, store: Store) -> None:
+        """Put what has changed since the last time."""
+        self._in_force.save(store)
+
+    @property
+    def taken(self) -> Taken | None:
+        """Return the directive that was taken; None where the order says all."""
+        return self._in_force.value.taken
+
+    @property
+    def is_called_home(self) -> bool:
+        """Return whether an abort was heard in the air, where no directive is taken."""
+        return self._in_force.value.is_called_home
+
+    @property
+    def may_depart(self) -> bool:
+        """Return whether the operator lets sorties begin."""
+        if self.taken is None:
+            return not self.is_called_home
+        wanted = self.taken.directive
+        return not (wanted.paused or wanted.aborted or self.is_called_home)
+
+    def take(self, taken: Taken) -> None:
+        """Fly by another directive from now on."""
+        self._in_force.value = _InForce(taken=taken)
+
+    def call_home(self) -> None:
+        """Take an abort in the air; all else that a directive says has time until the landing."""
+        self._in_force.value = structs.replace(self._in_force.value, is_called_home=True)
+
+
+def flyable(
+    directive: Directive,
+    fleet: Fleet,
+    route: Route | None,
+    now_s: float,
+    *,
+    guarantees_limit: bool,
+) -> Taken:
+    """
+    Return a directive with the limit and the region as they are, if they must stay so.
+
+    Parameters
+    ----------
+    directive
+        What the operator wants.
+    fleet
+        The AUVs, wherever they are.
+    route
+        Of the next sortie; None where there is none.
+    now_s
+        The time.
+    guarantees_limit
+        Whether the planner does.
+
+    """
+    mission, problems = fleet.mission, []
+    limit_s = directive.sortie_limit_s
+    if limit_s != mission.sortie_limit_s:
+        problem = problem_with_limit(limit_s, mission)
+        if problem is None and route is not None and guarantees_limit:
+            problem = problem_with_guarantee(limit_s, mission, route, fleet.legs_out)
+        if problem:
+            problems.append(f'{problem}; it stays {mission.sortie_limit_s:g}')
+            directive = structs.replace(directive, sortie_limit_s=mission.sortie_limit_s)
+    if directive.masked != mission.grid.masked:
+        surveyors = {leg.auv for leg in fleet.survey_legs()} - {*directive.recalled}
+        problem = problem_with_region(
+            directive.masked, fleet.ordered_region, fleet.legs_out, surveyors
+        )
+        if problem is None and route is not None:
+            problem = fleet.planner_problem(directive.masked, now_s)
+        if problem:
+            problems.append(f'{problem}; the region stays as it is')
+            directive = structs.replace(directive, masked=mission.grid.masked)
+    return Taken(directive=directive, problem='. '.join(problems) or None)
 
 
 def problem_with_limit(limit_s: float, mission: MissionSpec) -> str | None:

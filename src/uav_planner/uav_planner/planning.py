@@ -14,14 +14,13 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Protocol
 
 from msgs_json.geometry import Cell, GridSpec, Point, whole_ticks
+from uav_planner.sortie import Route
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
     import numpy as np
     from numpy.typing import NDArray
-
-    from uav_planner.sortie import Route
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
