@@ -20,7 +20,7 @@ from msgs_json.topics import ROUTE
 from uav_planner.entries import Entries, Entry
 from uav_planner.headway import Headway
 from uav_planner.planning import Prospect
-from uav_planner.sortie import worst_case_s
+from uav_planner.sortie import hop_ticks, worst_case_s
 from uav_planner.sortie_underway import (
     Contact,
     PlannedSortie,
@@ -255,7 +255,7 @@ class Flight:
         output: list[Output] = []
         while (waypoint := sortie.next_waypoint) is not None:
             if waypoint.auv not in sortie.met:
-                if not self._is_at(waypoint.point, position):
+                if not self._is_at(waypoint.point, position, sortie.mission):
                     break
                 if is_before(self.now_s, waypoint.surface_deadline_s):
                     break
@@ -281,7 +281,10 @@ class Flight:
             return [Log(GivenUp(sortie=sortie.number, auv=auv), self.now_s)]
         return []
 
-    def _is_at(self, point: Point, position: Point) -> bool:
+    def _is_at(self, point: Point, position: Point, mission: MissionSpec) -> bool:
+        # What the plan counts as no flight at all must not cost a tick.
+        if hop_ticks(mission, position, point) == 0:
+            return True
         return position.distance_m(point) <= self._setup.arrival_radius_m
 
     # --- the way home ----------------------------------------------------------------------------
@@ -322,7 +325,8 @@ class Flight:
         sortie, position = self.sortie, self.position
         if sortie is None or position is None or sortie.departed_s is None:
             return []
-        is_home = sortie.goes_home and self._is_at(sortie.mission.c3, position)
+        mission = sortie.mission
+        is_home = sortie.goes_home and self._is_at(mission.c3, position, mission)
         if not is_home or self.awaits_answer(sortie, position):
             return []
         fleet, departed_s = sortie.fleet, sortie.departed_s
