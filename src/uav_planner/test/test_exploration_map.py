@@ -36,9 +36,9 @@ def test_only_confirmed_cells_are_explored() -> None:
     grid = GridSpec(cols=2, rows=1, cell_m=10.0)
     exploration = ExplorationMap(grid, [(0, 0)])
     exploration.assign([(0, 0), (1, 0)])
-    assert not exploration.is_explored
+    assert not exploration.is_explored(grid.cells)
     exploration.confirm([(1, 0)])
-    assert exploration.is_explored
+    assert exploration.is_explored(grid.cells)
 
 
 def test_values_are_a_live_view_that_planners_cannot_write() -> None:
@@ -70,10 +70,11 @@ def test_masked_cells_are_worth_nothing_and_nobody_has_to_go_there() -> None:
     np.testing.assert_array_equal(exploration.values, [[0.5, 0.0, 1.0], [1.0, 1.0, 0.0]])
     exploration.assign([(0, 0), (0, 1), (1, 1)])
     exploration.confirm([(0, 1), (1, 1)])
-    assert not exploration.is_explored  # (2, 0) is behind land, but a cell of the region
+    assert exploration.is_explored(grid.moves_from([(0, 0)]))
+    assert not exploration.is_explored(grid.cells)  # (2, 0) is behind land
     exploration.assign([(1, 1), (2, 0)])
     exploration.confirm([(2, 0)])
-    assert exploration.is_explored
+    assert exploration.is_explored(grid.cells)
     with pytest.raises(ValueError, match=r'cell \[1, 0\] is masked'):
         exploration.assign([(0, 0), (1, 0)])
     with pytest.raises(ValueError, match=r'cell \[2, 1\] is masked'):
@@ -132,7 +133,7 @@ def test_a_value_is_always_a_half_to_the_power_of_the_entries(
                 assert value_at(exploration, (col, row)) == 0.5 ** entries[col, row]
         assert exploration.values.max() <= 1.0
         assert all(value_at(exploration, cell) <= 0.5 for cell in visited)
-        assert exploration.is_explored == (len(visited) == GRID.cells_total)
+        assert exploration.is_explored(GRID.cells) == (len(visited) == GRID.cells_total)
 
     for path, _ in legs:
         exploration.assign(path)
@@ -155,9 +156,10 @@ def test_a_cell_that_is_masked_is_worth_nothing_and_nobody_waits_for_it() -> Non
     whole = ExplorationMap(GridSpec(cols=3, rows=1, cell_m=10.0), [(0, 0)])
     whole.assign([(0, 0), (1, 0)])
     whole.confirm([(1, 0)])
-    part = whole.of_region(GridSpec(cols=3, rows=1, cell_m=10.0, masked=((2, 0),)))
-    assert not whole.is_explored
-    assert part.is_explored
+    without_last = GridSpec(cols=3, rows=1, cell_m=10.0, masked=((2, 0),))
+    part = whole.of_region(without_last)
+    assert not whole.is_explored([(0, 0), (1, 0), (2, 0)])
+    assert part.is_explored(without_last.cells)
     assert part.values.tolist() == [[0.5, 0.5, 0.0]]
     with pytest.raises(ValueError, match=r'cell \[2, 0\] is masked'):
         part.assign([(1, 0), (2, 0)])
@@ -176,16 +178,15 @@ def test_cells_that_come_back_are_known_as_before(
     exploration.confirm(path[:reached])
     changed = exploration
     for mask in masks:
-        changed = changed.of_region(
-            GridSpec(cols=4, rows=3, cell_m=10.0, masked=tuple(sorted(mask)))
-        )
+        region = GridSpec(cols=4, rows=3, cell_m=10.0, masked=tuple(sorted(mask)))
+        changed = changed.of_region(region)
         for cell in GRID.cells:
             expected = 0.0 if cell in mask else value_at(exploration, cell)
             assert value_at(changed, cell) == expected
-        assert changed.is_explored == ({*GRID.cells} - mask <= {*path[:reached]})
+        assert changed.is_explored(region.cells) == ({*region.cells} <= {*path[:reached]})
     back = changed.of_region(GRID)
     np.testing.assert_array_equal(back.values, exploration.values)
-    assert back.is_explored == exploration.is_explored
+    assert back.is_explored(GRID.cells) == exploration.is_explored(GRID.cells)
     assert back.changed_rows() == exploration.changed_rows()
 
 

@@ -630,6 +630,13 @@ def test_when_all_is_explored_the_auv_is_told_to_stay_up() -> None:
     assert (met.path, met.slack_s, met.plan_status) == ((), None, None)  # type: ignore[attr-defined]
 
 
+def test_nothing_has_ended_before_the_order() -> None:
+    bench = Bench()
+    bench.tick()
+    assert bench.hear('c3', receipt(())) == []
+    assert not bench.agent.finished
+
+
 @pytest.mark.parametrize('acknowledges', [True, False])
 def test_it_has_finished_when_c3_has_everything(acknowledges: bool) -> None:
     bench = small_mission()

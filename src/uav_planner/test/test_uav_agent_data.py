@@ -291,6 +291,39 @@ def test_a_damaged_sample_that_comes_sound_after_all_is_taken() -> None:
     assert said(bench.hear('auv_1', batch(5)), 'auv_1')[0] == held(0, 6)
 
 
+class Damaging(Diver):
+    """Has a sample in its store that cannot be."""
+
+    def report(self, now_s: float) -> SurfacingReport | None:
+        report = super().report(now_s)
+        if report is None:
+            return None
+        samples = tuple(
+            msgspec.structs.replace(sample, cell=(99, 99)) if sample.number == 3 else sample
+            for sample in report.samples
+        )
+        return msgspec.structs.replace(report, samples=samples)
+
+
+@pytest.mark.parametrize('planner', [Ecc2009Planner(), RobustPlanner()])
+def test_a_mission_ends_with_all_that_is_sound_though_a_sample_is_damaged(
+    planner: Planner,
+) -> None:
+    mission = order(radio_range_m=10.0, path_cells=3)
+    bench = Bench(planner)
+    sea = Sea(bench, mission)
+    sea.divers['auv_1'] = Damaging(mission.auvs[0], mission.region, None, 1000)
+    sea.sail(2000)
+    assert bench.agent.finished
+    taken_by = {
+        (diver.name, each.number) for diver in sea.divers.values() for each in diver.samples
+    }
+    assert brought(bench) == taken_by - {('auv_1', 3)}
+    for diver in sea.divers.values():
+        assert diver.recovered is RecoveryReason.EXPLORED
+    assert 3 not in sea.divers['auv_1'].held  # it keeps it
+
+
 # --- over a sea ----------------------------------------------------------------------------------
 
 
