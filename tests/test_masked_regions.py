@@ -120,6 +120,7 @@ def test_a_part_of_the_sea_is_left_alone_when_its_auv_is_lost(planner: str) -> N
     summary = flown_beside_land(scenario)
     assert summary.sortie_limit_violations == 0
     assert summary.explored_s is None
+    assert summary.complete  # it does not fly on until the hard stop
     assert summary.cells_explored >= 18  # all of the first part
     left = scenario.region.cells_total - summary.cells_explored
     assert len(summary.out_of_reach) == left

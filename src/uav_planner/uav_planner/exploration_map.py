@@ -74,10 +74,9 @@ class ExplorationMap:
         """
         return self._values_view
 
-    @property
-    def is_explored(self) -> bool:
-        """Return whether every cell of the region is confirmed as really visited."""
-        return bool((self._visited | self._grid.mask).all())
+    def is_explored(self, cells: Iterable[Cell]) -> bool:
+        """Return whether each of some cells is confirmed as really visited."""
+        return all(self._visited[self._grid.index(cell)] for cell in cells)
 
     def assign(self, path: Sequence[Cell]) -> None:
         """Halve every cell of a new path as often as it enters it; `P_0` was entered before."""

@@ -369,7 +369,9 @@ class Fleet:
     ) -> PlanResult | None:
         """Return an AUV's next path, already noted on the map; None where none is needed."""
         is_wanted = report.outcome is not LegOutcome.ABORTED and report.auv not in self._recalled
-        if self._map.is_explored or not is_wanted:
+        # What it cannot get to is for others to survey, or for nobody.
+        within_reach = self.mission.grid.moves_from([report.cell])
+        if self._map.is_explored(within_reach) or not is_wanted:
             return None
         behind = self._behind(report)
         plan = self._planner.plan_path(
