@@ -10,10 +10,13 @@ import pytest
 from orchestrated_run import Run
 
 from c3_station.exit_codes import ExitCode
+from c3_station.faults_by_nodes import tally_of
 from c3_station.faults_on_ros import RosFaults
+from c3_station.in_process import fly
 from c3_station.processes import NodeProcess
-from c3_station.scenario import Faults
-from c3_station.scenario_files import load_scenario
+from c3_station.scenario import Faults, Scenario
+from c3_station.scenario_files import load_scenario, with_choices
+from c3_station.summary import Summarizer, Summary
 
 
 @pytest.mark.parametrize('faults', [Faults(clock_jump_s=3.0), Faults(off_by_one='auv_1')])
@@ -24,6 +27,21 @@ def test_faults_that_nodes_cannot_have_are_refused(faults: Faults) -> None:
     scenario = msgspec.structs.replace(load_scenario('ecc2009'), faults=faults)
     with pytest.raises(ValueError, match=r'faults\.\w+: .*; allowed: with --no-ros'):
         RosFaults(scenario, 0, process_of)
+
+
+def test_forged_messages_that_change_a_mission_count_as_obeyed() -> None:
+    scenario = msgspec.structs.replace(load_scenario('minimal'), faults=Faults(forged=300))
+    same, another = (
+        flown(with_choices(scenario, planner=name)) for name in (scenario.planner.name, 'lanes')
+    )
+    assert tally_of(scenario, same).obeyed == 0
+    assert tally_of(scenario, another).obeyed == 300
+
+
+def flown(scenario: Scenario) -> Summary:
+    summarizer = Summarizer()
+    fly(scenario, summarizer.frame)
+    return summarizer.summary()
 
 
 @pytest.mark.ros

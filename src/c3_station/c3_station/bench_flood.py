@@ -32,7 +32,7 @@ from c3_station.processes import NodeProcess, stop_all
 from c3_station.run_folder import RunFolder
 from c3_station.scenario import Scenario
 from c3_station.scenario_files import load_scenario, with_choices
-from c3_station.summary import Summarizer, Summary
+from c3_station.summary import Summarizer, Summary, course
 from msgs_json.agent_shell import AgentShell, Frame
 from msgs_json.ros_messages import ClockTime, Text
 from msgs_json.topics import RADIO_RX
@@ -61,13 +61,6 @@ def bench_flood(console: Console) -> Iterator[Figure]:
     yield from _in_process(load_scenario('ecc2009'))
     scenario = with_choices(load_scenario('ecc2009'), planner='robust')
     yield from _on_ros(msgspec.structs.replace(scenario, tick_s=_ROS_TICK_S))
-
-
-def course(summary: Summary) -> Summary:
-    """Return what a mission was like, without what it cost and what was refused in it."""
-    return msgspec.structs.replace(
-        summary, radio=None, refusals=(), wall_s=None, real_time_factor=None
-    )
 
 
 # --- in one process ------------------------------------------------------------------------------

@@ -320,6 +320,13 @@ class Summarizer:
                 changes.append((stamp_s, auv.contact))
 
 
+def course(summary: Summary) -> Summary:
+    """Return what a mission was like, without what it cost and what was refused in it."""
+    return msgspec.structs.replace(
+        summary, radio=None, refusals=(), wall_s=None, real_time_factor=None
+    )
+
+
 def mission_start_s(events: Sequence[LoggedEvent]) -> float:
     """Return when a mission was started; without that entry, when its log begins."""
     for each in events:

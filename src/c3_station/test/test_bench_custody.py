@@ -4,7 +4,7 @@ import msgspec
 import pytest
 
 from c3_station.bench_custody import custody_costs
-from c3_station.bench_flood import course, fly_beside_stranger, fly_flooded
+from c3_station.bench_flood import fly_beside_stranger, fly_flooded
 from c3_station.bench_week import watch_growth, week_scenario
 from c3_station.scenario_files import (
     load_scenario,
@@ -12,6 +12,7 @@ from c3_station.scenario_files import (
     scenario_json,
     with_choices,
 )
+from c3_station.summary import course
 
 MINIMAL = load_scenario('minimal')
 
