@@ -68,6 +68,7 @@ def test_the_number_of_jobs_changes_nothing(tiny: Path, tmp_path: Path) -> None:
     assert rows(tmp_path / '2') == rows(tmp_path / '3') == first
 
 
+@pytest.mark.slow
 def test_the_line_of_a_mission_flies_it_again(
     tiny: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -104,6 +105,7 @@ def test_a_scenario_that_has_changed_does_not_pass_for_the_old_one(
     assert 'has changed since' in capsys.readouterr().out
 
 
+@pytest.mark.slow
 def test_violations_fail_a_campaign_only_if_asked_for(tmp_path: Path) -> None:
     words = ('--missions', 2, '--planner', 'ecc2009', '--vary', 'surfacing=mixed', '--jobs', 1)
     out = ('--out', tmp_path / 'out')
@@ -113,6 +115,7 @@ def test_violations_fail_a_campaign_only_if_asked_for(tmp_path: Path) -> None:
     assert run('--report', tmp_path / 'out', '--fail-on-violation') == ExitCode.FAILED
 
 
+@pytest.mark.slow
 def test_errors_fail_a_campaign_and_are_shown(
     tiny: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

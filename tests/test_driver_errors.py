@@ -156,6 +156,7 @@ def fly(trouble: Trouble) -> Log:
     return log
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('group', ['uav_planner.drivers', 'auv_sim.drivers'])
 def test_one_failure_at_any_call_of_a_driver_loses_no_event(group: str) -> None:
     failing_call, has_struck = 0, True

@@ -148,6 +148,7 @@ def all_figures(*vary: str, planners: tuple[str, ...] = ('ecc2009', 'robust')) -
     return [figure for figure in figures if figure is not None]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ('vary', 'planners'),
     [

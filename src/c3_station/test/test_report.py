@@ -175,6 +175,7 @@ def test_report_writes_summary_page_and_figures(minimal: Path, tmp_path: Path) -
         assert b64encode(file.read_bytes()).decode() in page
 
 
+@pytest.mark.slow
 def test_report_is_the_same_each_time(minimal: Path, tmp_path: Path) -> None:
     (tmp_path / 'out').mkdir()
     (tmp_path / 'out' / 'summary.json').write_text('of an earlier run')
@@ -289,6 +290,7 @@ def test_page_of_the_reference_mission_says_what_the_paper_says() -> None:
     assert 'python3 orchestrate.py run ecc2009 --planner ecc2009 --seed 0' in text
 
 
+@pytest.mark.slow
 def test_page_says_how_much_of_the_region_is_land() -> None:
     assert '12 cells of 25 m, 37 of them masked · version' in words(page_of(recorded('harbour')))
     assert '10 cells of 10 m · version' in words(page_of(recorded('ecc2009')))
@@ -311,6 +313,7 @@ def test_the_line_to_fly_again_flies_the_same() -> None:
     assert fly_again(replace(record, scenario=None), OUT) is None
 
 
+@pytest.mark.slow
 def test_the_report_comes_with_the_scenario_as_flown(tmp_path: Path) -> None:
     changed = with_choices(load_scenario('minimal'), changes=[read_change('sortie.limit_s=50')])
     record_bag(changed, tmp_path / 'bag')
@@ -389,6 +392,7 @@ def test_text_from_the_bag_is_escaped() -> None:
     assert '&lt;script&gt;alert(1)&lt;/script&gt; &amp; co' in page
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('share', [0.0, 0.02, 0.5])
 def test_mission_that_broke_off_has_a_report(share: float) -> None:
     with tempfile.TemporaryDirectory() as folder:

@@ -733,7 +733,7 @@ class Custody:
     st.booleans(),
     st.sampled_from([1, 2, 9]),
 )
-@settings(max_examples=200)
+@settings(max_examples=80)
 def test_whatever_it_hears_what_it_took_custody_of_reaches_c3(
     inputs: list[int | str | tuple[str, Message]], guarantees_limit: bool, lost_after_sorties: int
 ) -> None:
