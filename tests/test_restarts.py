@@ -2,6 +2,7 @@
 
 import json
 import os
+import resource
 import signal
 from pathlib import Path
 
@@ -109,6 +110,29 @@ def test_a_node_that_dies_again_and_again_ends_the_mission(
     assert run.nodes() == {}
     summary = json.loads((run.out / 'summary.json').read_text())
     assert summary['stopped'] == 'interrupted, waiting for auv_1 (no answer) (auv_1)'
+
+
+def test_a_mission_ends_whose_record_has_no_room_and_is_resumed_when_there_is(
+    tmp_path: Path, runs: list[Run]
+) -> None:
+    run = Run(tmp_path / 'run', '--rate', '100')
+    runs.append(run)
+    run.wait_for_flight(200_000)
+    full = (200_000, resource.RLIM_INFINITY)
+    resource.prlimit(run.nodes()['recorder'], resource.RLIMIT_FSIZE, full)
+    code, output = run.end()
+    assert code == ExitCode.FAILED, output
+    assert 'cannot be written: File too large' in ' '.join(output.split())
+    assert 'Traceback' not in output
+    assert run.nodes() == {}
+    assert not read_mission(run.out / 'bag').summary.complete
+    run.resume()
+    _, output = run.end()
+    assert 'Traceback' not in output
+    summary = read_mission(run.out / 'bag').summary
+    assert summary.complete
+    assert summary.samples_delivered == 144  # though the bag lacks how some of them were taken
+    assert summary.samples_doubled is None
 
 
 def test_a_mission_is_resumed_whose_machine_went_down(tmp_path: Path, runs: list[Run]) -> None:
