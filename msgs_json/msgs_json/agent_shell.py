@@ -10,6 +10,7 @@ import msgspec
 
 from msgs_json import codec
 from msgs_json.agent import Agent, Log, Output, Publish, Refuse, Transmit, Worker
+from msgs_json.authentication import SIGNATURE_BYTES
 from msgs_json.codec import MessageError, Refusal
 from msgs_json.fragments import Incoming, Outgoing
 from msgs_json.messages import (
@@ -92,18 +93,27 @@ class Speaker:
 
     def frame(self, topic: Topic, body: Message, stamp_s: float, dst: str | None = None) -> Frame:
         """Return a frame with the body in an envelope."""
-        seq = self._seq[topic.name]
-        self._seq[topic.name] = seq + 1
-        payload = codec.encode(
-            body,
-            src=self._name,
-            dst=dst or codec.EVERYONE,
-            seq=self._first_seq + seq,
-            stamp_s=stamp_s,
+        return self.enclosed(
+            topic, codec.schema_of(body), codec.encode_body(body), stamp_s, dst or codec.EVERYONE
         )
+
+    def enclosed(self, topic: Topic, schema: str, body: bytes, stamp_s: float, dst: str) -> Frame:
+        """Return a frame with a body that is JSON already."""
+        payload = self._unsigned(topic, schema, body, stamp_s, dst)
+        self._seq[topic.name] += 1
         if self._authenticator is not None and topic is RADIO_TX:
             payload = self._authenticator.sign(payload)
         return Frame(topic, Text(payload))
+
+    def radio_bytes(self, schema: str, body: bytes, stamp_s: float, dst: str) -> int:
+        """Return how long the next frame by radio would be with a body; nothing is said."""
+        envelope = self._unsigned(RADIO_TX, schema, b'', stamp_s, dst)
+        signature_bytes = 0 if self._authenticator is None else SIGNATURE_BYTES
+        return len(envelope) + len(body) + signature_bytes
+
+    def _unsigned(self, topic: Topic, schema: str, body: bytes, stamp_s: float, dst: str) -> bytes:
+        seq = self.next_seq(topic)
+        return codec.enclose(schema, body, src=self._name, dst=dst, seq=seq, stamp_s=stamp_s)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -370,12 +380,9 @@ class AgentShell:
 
     def _by_radio(self, dst: str, body: Message, now_s: float) -> list[Frame]:
         """Return a message as the radio carries it: in one piece, or what is due of its pieces."""
-        next_seq = self.next_seq
-        frame = self._speaker.frame(RADIO_TX, body, now_s, dst)
-        if isinstance(frame.message, Text) and len(frame.message.data) <= self._frame_bytes:
-            return [frame]
-        self._speaker.rewind(RADIO_TX, next_seq)
         schema, encoded = codec.schema_of(body), codec.encode_body(body)
+        if self._speaker.radio_bytes(schema, encoded, now_s, dst) <= self._frame_bytes:
+            return [self._speaker.enclosed(RADIO_TX, schema, encoded, now_s, dst)]
         return [
             self._speaker.frame(RADIO_TX, fragment, now_s, dst)
             for fragment in self._outgoing.fragments(dst, schema, encoded)

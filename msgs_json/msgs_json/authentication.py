@@ -29,6 +29,9 @@ _NULL = b'null}'
 _UNSIGNED_END = b',"auth":' + _NULL
 _TAG_BYTES = len(b'"') + 64 + len(b'"}')
 
+SIGNATURE_BYTES = _TAG_BYTES - len(_NULL)
+"""By which an envelope is longer when it is signed."""
+
 
 class Authenticator:
     """

@@ -124,15 +124,20 @@ def encode_body(body: Message) -> bytes:
 
 def encode(body: Message, *, src: str, dst: str, seq: int, stamp_s: float) -> bytes:
     """Return the JSON of an envelope."""
+    return enclose(schema_of(body), encode_body(body), src=src, dst=dst, seq=seq, stamp_s=stamp_s)
+
+
+def enclose(schema: str, body: bytes, *, src: str, dst: str, seq: int, stamp_s: float) -> bytes:
+    """Return the JSON of an envelope with a body that is JSON already."""
     return _encoder.encode(
         Envelope(
-            schema=schema_of(body),
+            schema=schema,
             version=SCHEMA_VERSION,
             src=src,
             dst=dst,
             seq=seq,
             stamp=stamp_s,
-            body=msgspec.Raw(encode_body(body)),
+            body=msgspec.Raw(body),
             auth=None,
         )
     )

@@ -19,12 +19,14 @@ from msgs_json.messages import (
     Directive,
     Event,
     Hello,
+    Leg,
     Message,
     MessageRefused,
     Missed,
     MissionState,
     MissionStatus,
     NodeKind,
+    PathAssignment,
     Pause,
     StorageFailed,
     StorageRestored,
@@ -183,6 +185,47 @@ def test_a_speaker_counts_from_zero_on_every_topic() -> None:
         opened(speaker.frame(topic, hello, 0.0))[1].seq for topic in (ODOM, RADIO_TX, ODOM, ODOM)
     ]
     assert numbers == [0, 0, 1, 2]
+
+
+class CountingAuthenticator(Authenticator):
+    """Notes how long is what it signs."""
+
+    def __init__(self, key: bytes) -> None:
+        super().__init__(key)
+        self.signed_bytes: list[int] = []
+
+    def sign(self, payload: bytes) -> bytes:
+        signed = super().sign(payload)
+        self.signed_bytes.append(len(signed))
+        return signed
+
+
+LONG_PATH = tuple((col, 0) for col in range(100))
+LONG = PathAssignment(auv='auv_1', leg=Leg(leg_id=1, path=LONG_PATH, surface_deadline_s=60.0))
+
+
+def frames_of_long(frame_bytes: int, key: Authenticator | None) -> list[tuple[int, str]]:
+    """Return lengths and schemas of the frames in which a long message is said."""
+    setting = AgentSetting(store=MemoryStore(), authenticator=key)
+    shell = AgentShell(ScriptedAgent(Transmit('uav', LONG)), setting, frame_bytes=frame_bytes)
+    frames = shell.tick(3.0)
+    assert [opened(frame)[1].seq for frame in frames] == [*range(len(frames))]
+    payloads = [frame.message.data for frame in frames if isinstance(frame.message, Text)]
+    return [(len(payload), codec.open_envelope(payload).schema) for payload in payloads]
+
+
+@pytest.mark.parametrize('is_signed', [True, False], ids=['signed', 'unsigned'])
+def test_a_message_is_cut_up_where_its_frame_would_be_longer_than_allowed(
+    is_signed: bool,
+) -> None:
+    key = CountingAuthenticator(b'k' * 32) if is_signed else None
+    ((whole_bytes, schema),) = frames_of_long(4096, key)
+    assert schema == 'PathAssignment'
+    assert frames_of_long(whole_bytes, key) == [(whole_bytes, 'PathAssignment')]
+    fragments = frames_of_long(whole_bytes - 1, key)
+    assert [schema for _, schema in fragments] == ['Fragment'] * 2
+    if key is not None:  # nothing is signed that is not said
+        assert key.signed_bytes == [whole_bytes] * 2 + [each_bytes for each_bytes, _ in fragments]
 
 
 # --- inwards -------------------------------------------------------------------------------------
