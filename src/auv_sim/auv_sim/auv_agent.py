@@ -45,9 +45,6 @@ if TYPE_CHECKING:
 _MEMORY = 'leg'
 """Kind of the one entry of the store that is not a sample."""
 
-_ANSWER_COPIES = 3
-"""So often an AUV says that it takes its path: it dives with that, and nobody can ask again."""
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AuvMission:
@@ -294,7 +291,7 @@ class AuvAgent:
             dive = self._dive(leg, state, now_s)
         except CommandRefusedError as error:
             return [self._not_possible(str(error))]
-        return [*[acknowledgement] * _ANSWER_COPIES, *dive]
+        return [acknowledgement, *dive]
 
     def _problem_with(self, leg: Leg, now_s: float) -> str | None:
         if not is_before(now_s, leg.surface_deadline_s):  # a late copy; a new one will come

@@ -490,8 +490,7 @@ def test_it_takes_its_next_leg_and_dives() -> None:
     bench = Bench()
     bench.tick(11)
     output = bench.assign(1, (1, 0), (2, 0), (2, 1), seconds=20.0)
-    # Thrice: it dives with that, and nobody can ask again.
-    assert said(output) == [taken(1)] * 3
+    assert said(output) == [taken(1)]
     assert events(output) == [
         Dived(leg_id=1, path=((1, 0), (2, 0), (2, 1)), surface_deadline_s=30.0)
     ]
