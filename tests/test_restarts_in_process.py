@@ -10,27 +10,22 @@ from __future__ import annotations
 
 import functools
 from collections import Counter
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import partial
+from itertools import cycle, islice
 from random import Random
 
 import pytest
+from msgspec.structs import replace
 
-from auv_sim.auv_params import make_auv
-from auv_sim.kernel import run_mission
-from auv_sim.world import World
-from auv_sim.world_params import make_world
-from c3_station.c3_params import make_c3
-from c3_station.fault_schedule import Moment
-from c3_station.faulty_store import FaultyStore, ProcessDied
-from c3_station.node_params import mission_params
-from c3_station.scenario import Auv, PlannerChoice, Radio, Scenario, Sortie, Uav
+from auv_sim.world import WORLD
+from c3_station import faults_in_process
+from c3_station.fault_schedule import Kill, Moment, NodeFaults
+from c3_station.in_process import fly
+from c3_station.scenario import Auv, Faults, PlannerChoice, Radio, Scenario, Sortie, Uav
 from msgs_json import codec
-from msgs_json.agent import Agent
-from msgs_json.agent_shell import AgentSetting, AgentShell, Frame
+from msgs_json.agent_shell import AgentSetting, Frame
 from msgs_json.authentication import Authenticator
-from msgs_json.drivers import NoPorts
 from msgs_json.geometry import GridSpec, Point
 from msgs_json.key_file import new_key
 from msgs_json.messages import (
@@ -38,16 +33,17 @@ from msgs_json.messages import (
     Event,
     MessageRefused,
     MissionCompleted,
+    NodeRestarted,
     PlanningAhead,
     SampleBatch,
     SortieReturned,
 )
 from msgs_json.ros_messages import Text
 from msgs_json.store import MemoryStore
-from msgs_json.topics import MISSION_EVENTS, RADIO_RX
-from uav_planner.uav_params import make_uav
+from msgs_json.topics import CLOCK, MISSION_EVENTS, RADIO_RX
 
 LIMIT_S = {'ecc2009': 60.0, 'robust': 30.0, 'adaptive': 30.0}
+NAMES = ('auv_1', 'auv_2', 'uav', 'c3')
 OPTIONS = {'adaptive': {'effort': 'minimal'}}
 
 
@@ -76,95 +72,21 @@ def scenario(planner: str, radio: Radio) -> Scenario:
     )
 
 
-class Mortal:
-    """
-    An agent's shell that dies at some of its inputs, and is made anew from its store.
-
-    Parameters
-    ----------
-    make
-        Makes the shell.
-    authenticator
-        Of the mission.
-    deaths
-        By the number of the input, counted from 0.
-    world
-        Hears how a new process numbers what it says.
-
-    """
-
-    def __init__(
-        self,
-        make: Callable[[AgentSetting], AgentShell],
-        authenticator: Authenticator | None,
-        deaths: Mapping[int, Moment],
-        world: World,
-    ) -> None:
-        self.inputs = self.deaths = 0
-        self._make = make
-        self._deaths = deaths
-        self._world = world
-        self._store = FaultyStore(MemoryStore())
-        self._setting = AgentSetting(store=self._store, authenticator=authenticator)
-        self._shell = make(self._setting)
-
-    @property
-    def agent(self) -> Agent:
-        return self._shell.agent
-
-    @property
-    def is_busy(self) -> bool:
-        return self._shell.is_busy
-
-    def tick(self, now_s: float) -> list[Frame]:
-        return self._survive(lambda: self._shell.tick(now_s), list)
-
-    def receive(self, data: bytes, now_s: float) -> list[Frame]:
-        return self._survive(
-            lambda: self._shell.receive(data, now_s), lambda: self._shell.tick(now_s)
-        )
-
-    def work(self, now_s: float) -> list[Frame]:
-        return self._survive(lambda: self._shell.work(now_s), list)
-
-    def _survive(
-        self, act: Callable[[], list[Frame]], catch_up: Callable[[], list[Frame]]
-    ) -> list[Frame]:
-        moment = self._deaths.get(self.inputs)
-        self.inputs += 1
-        if moment is None:
-            return act()
-        if moment is not Moment.BEFORE_INPUT:
-            self._store.dies = moment
-            try:
-                return act()  # it lives on where there is nothing to commit
-            except ProcessDied:
-                pass
-            finally:
-                self._store.dies = None
-        self.deaths += 1
-        self._store.reopen()
-        self._shell = self._make(self._setting)
-        self._world.expect(self.agent.name, self._shell.next_seq)
-        return [*catch_up(), *act()]
-
-
-Deaths = Mapping[str, Mapping[int, Moment]]
-"""By agent and number of its input."""
-
-
 @dataclass(slots=True)
 class Mission:
     """What came of a mission."""
 
-    inputs: dict[str, int] = field(default_factory=dict)
-    deaths: int = 0
+    ticks: int = 0
+    heard: int = 0
+    """How many messages came to somebody by radio."""
     log: dict[str, dict[int, tuple[float, bytes, Event]]] = field(default_factory=dict)
     """By agent and number of the entry: when what happened; as bytes, too."""
     brought: Counter[tuple[str, int]] = field(default_factory=Counter)
     """How often C3 heard each sample."""
 
     def note(self, name: str, frame: Frame) -> None:
+        self.ticks += frame.topic is CLOCK
+        self.heard += frame.topic is RADIO_RX
         if frame.topic not in (MISSION_EVENTS, RADIO_RX):
             return
         assert isinstance(frame.message, Text)
@@ -187,51 +109,63 @@ class Mission:
                 if not isinstance(event, again)
             ]
             for name, log in self.log.items()
+            if name != WORLD  # which tells who was restarted
         }
+
+    def deaths(self) -> int:
+        return sum(isinstance(event, NodeRestarted) for event in self.events())
 
     def events(self) -> list[Event]:
         return [event for log in self.log.values() for _, _, event in log.values()]
 
 
-def fly(planner: str, deaths: Deaths, radio: Radio = IDEAL, *, is_signed: bool = True) -> Mission:
-    params = mission_params(scenario(planner, radio))
-    authenticator = Authenticator(new_key()) if is_signed else None
-    world = make_world(params.world, authenticator)
-    makers: dict[str, Callable[[AgentSetting], AgentShell]] = {
-        'c3': partial(make_c3, params.c3),
-        'uav': partial(make_uav, params.uav, NoPorts()),
-    }
-    for auv in params.auvs:
-        makers[auv.name] = partial(make_auv, auv, NoPorts())
-    agents = {
-        name: Mortal(make, authenticator, deaths.get(name, {}), world)
-        for name, make in makers.items()
-    }
+def flown(
+    planner: str,
+    schedule: Mapping[str, NodeFaults],
+    radio: Radio = IDEAL,
+    *,
+    is_signed: bool = True,
+) -> Mission:
+    """Return what came of a mission in which agents die by a schedule."""
     mission = Mission()
-    run_mission(world, agents, mission.note)
-    mission.inputs = {name: agent.inputs for name, agent in agents.items()}
-    mission.deaths = sum(agent.deaths for agent in agents.values())
+    authenticator = Authenticator(new_key()) if is_signed else None
+
+    def setting(_: str) -> AgentSetting:
+        return AgentSetting(store=MemoryStore(), authenticator=authenticator)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(faults_in_process, 'fault_schedule', lambda _: schedule)
+        # That there are faults is all that counts here.
+        faulty = replace(scenario(planner, radio), faults=Faults(kills=1))
+        fly(faulty, mission.note, make_setting=setting)
     return mission
 
 
 @functools.cache
 def undisturbed(planner: str) -> Mission:
-    mission = fly(planner, {})
-    assert mission.deaths == 0
+    mission = flown(planner, {})
+    assert mission.deaths() == 0
     check_promises(mission, planner)
     return mission
 
 
-def some_deaths(planner: str, seed: int, moments: tuple[Moment, ...]) -> Deaths:
-    """Return deaths at random inputs of a mission."""
+def some_deaths(planner: str, seed: int, moments: Sequence[Moment]) -> dict[str, NodeFaults]:
+    """Return deaths at random times of a mission, of everybody in turn."""
     random = Random(seed)
-    inputs = [
-        (name, n) for name, count in undisturbed(planner).inputs.items() for n in range(count)
-    ]
-    deaths: dict[str, dict[int, Moment]] = {}
-    for name, number in random.sample(inputs, random.choice([5, 20, 80])):
-        deaths.setdefault(name, {})[number] = random.choice(moments)
-    return deaths
+    mission = undisturbed(planner)
+    end_s = max(stamp_s for log in mission.log.values() for stamp_s, _, _ in log.values())
+    schedule = {name: NodeFaults() for name in NAMES}
+    for name in islice(cycle(NAMES), random.choice([5, 20, 80])):
+        kill = Kill(
+            at_s=random.uniform(0.0, end_s),
+            moment=random.choice(moments),
+            when_it_hears=random.choice([True, False]),
+            hangs=False,
+        )
+        schedule[name].kills.append(kill)
+    for faults in schedule.values():
+        faults.kills.sort(key=lambda kill: kill.at_s)
+    return schedule
 
 
 def check_promises(mission: Mission, planner: str) -> None:
@@ -259,18 +193,17 @@ SEEDS = [*range(5), *(pytest.param(seed, marks=pytest.mark.slow) for seed in ran
 @pytest.mark.parametrize('planner', LIMIT_S)
 def test_who_dies_with_nothing_stored_and_unsaid_leaves_no_trace(planner: str, seed: int) -> None:
     deaths = some_deaths(planner, seed, (Moment.BEFORE_INPUT, Moment.BEFORE_COMMIT))
-    mission = fly(planner, deaths)
-    assert mission.deaths > 0
+    mission = flown(planner, deaths)
+    assert mission.deaths() > 0
     assert mission.told() == undisturbed(planner).told()
     check_promises(mission, planner)
 
 
 def test_all_may_die_at_every_input() -> None:
     planner = 'robust'
-    inputs = undisturbed(planner).inputs
-    deaths = {name: dict.fromkeys(range(n), Moment.BEFORE_INPUT) for name, n in inputs.items()}
-    mission = fly(planner, deaths)
-    assert mission.deaths == sum(inputs.values())
+    always = Kill(at_s=0.0, moment=Moment.BEFORE_INPUT, when_it_hears=False, hangs=False)
+    mission = flown(planner, {name: NodeFaults(kills=[always] * 10_000) for name in NAMES})
+    assert mission.deaths() >= mission.ticks * len(NAMES) + mission.heard
     assert mission.told() == undisturbed(planner).told()
 
 
@@ -278,13 +211,13 @@ def test_all_may_die_at_every_input() -> None:
 @pytest.mark.parametrize('planner', LIMIT_S)
 def test_what_was_stored_and_not_said_is_made_up_for(planner: str, seed: int) -> None:
     """Without a key a new process also hears again what the dead one had heard and stored."""
-    mission = fly(planner, some_deaths(planner, seed, tuple(Moment)), is_signed=seed % 3 > 0)
-    assert mission.deaths > 0
+    deaths = some_deaths(planner, seed, [*Moment])
+    mission = flown(planner, deaths, is_signed=seed % 3 > 0)
+    assert mission.deaths() > 0
     check_promises(mission, planner)
 
 
 @pytest.mark.parametrize('seed', SEEDS)
 @pytest.mark.parametrize('planner', LIMIT_S)
 def test_on_a_poor_radio_the_promises_hold_as_well(planner: str, seed: int) -> None:
-    mission = fly(planner, some_deaths(planner, seed, tuple(Moment)), POOR)
-    check_promises(mission, planner)
+    check_promises(flown(planner, some_deaths(planner, seed, [*Moment]), POOR), planner)

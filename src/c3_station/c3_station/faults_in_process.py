@@ -108,8 +108,8 @@ class FaultyAgent:
     """
     Stands in an `AgentShell`'s place, and makes the shell anew from its store after each death.
 
-    As in lockstep no time passes meanwhile, and a new process gets the input that the dead one
-    had not worked off.
+    As in lockstep no time passes meanwhile. A new process is told the open tick, and then the
+    message that the dead one had not worked off.
     """
 
     def __init__(
@@ -183,7 +183,8 @@ class FaultyAgent:
                 self._store.dies = None
         self._kills.remove(kill)
         self._restart(now_s)
-        return act()
+        caught_up = self._shell.tick(self._clocked(now_s)) if hears else []
+        return [*caught_up, *act()]
 
     def _due(self, now_s: float, *, hears: bool) -> Kill | None:
         for kill in self._kills:
