@@ -5,51 +5,26 @@ from __future__ import annotations
 from collections import deque
 
 import pytest
+from three_nodes import KINDS, REPLY_NUDGES, heard_by_conductor, odometry, shell, told, word, world
 
 from auv_sim.conductor import NUDGE_S, Addressed, Conductor, Phase
 from auv_sim.kernel import run_mission
-from auv_sim.radio_model import IDEAL, ChannelModel, LinkModel, StationKind
-from auv_sim.world import World, WorldSpec
-from msgs_json import codec
+from auv_sim.radio_model import IDEAL, LinkModel
 from msgs_json.agent import Log, Output, Publish, Transmit
-from msgs_json.agent_shell import AgentSetting, AgentShell, Frame
-from msgs_json.geometry import Point
+from msgs_json.agent_shell import Frame
 from msgs_json.guarded_agent import GuardedAgent
 from msgs_json.lockstep_client import AgentClient
 from msgs_json.messages import (
-    Acknowledged,
     Acknowledgement,
-    Done,
-    Go,
-    Hello,
     Message,
     PlanningAhead,
-    Ready,
-    Tick,
 )
 from msgs_json.node_exit import NodeExit
-from msgs_json.ros_messages import Odometry, Text
-from msgs_json.store import MemoryStore
-from msgs_json.topics import ODOM, RADIO_RX, RADIO_TX, WORLD_GO, WORLD_TICK
+from msgs_json.ros_messages import Text
+from msgs_json.topics import ODOM, RADIO_RX, WORLD_GO, WORLD_TICK
 
-ORIGIN = Point(east_m=0.0, north_m=0.0)
-REPLY_NUDGES = 4
 SLICES = 5
 """More than the nudges after which a node that is silent is given up."""
-
-
-def word(number: int) -> Acknowledgement:
-    return Acknowledgement(acknowledges=Acknowledged.MISSION_ORDER, reference=number)
-
-
-def world(link: LinkModel = IDEAL) -> World:
-    kinds = {'c3': StationKind.C3, 'uav': StationKind.UAV, 'auv_1': StationKind.AUV}
-    channel = ChannelModel(range_m=20.0, max_message_bytes=4096, link=link)
-    return World(
-        WorldSpec(
-            stations=kinds, c3_position=ORIGIN, channel=channel, tick_s=1.0, max_mission_s=5.0
-        )
-    )
 
 
 class Speaker:
@@ -57,22 +32,14 @@ class Speaker:
 
     def __init__(self, name: str, diary: list[str], *says: tuple[str, int]) -> None:
         self.name = name
-        self.peers = frozenset({'c3', 'uav', 'auv_1'})
+        self.peers = frozenset(KINDS)
         self.finished = False
         self.diary = diary
         self._says = says
 
     def tick(self, now_s: float) -> list[Output]:
-        odometry = Odometry(
-            stamp_s=now_s,
-            child_frame_id=self.name,
-            position=ORIGIN,
-            z_m=0.0,
-            heading_rad=0.0,
-            speed_mps=0.0,
-        )
         said = [Transmit(dst, word(number)) for dst, number in self._says if now_s == 1.0]
-        return [Publish(ODOM, odometry), *said] if self.name != 'c3' else [*said]
+        return [Publish(ODOM, odometry(self.name, now_s)), *said] if self.name != 'c3' else [*said]
 
     def receive(self, src: str, message: Message, now_s: float) -> list[Output]:
         assert isinstance(message, Acknowledgement)
@@ -99,10 +66,6 @@ class HardWorker(Speaker):
         return [ahead] if self.is_busy else [ahead, Transmit('c3', word(9))]
 
 
-def shell(agent: Speaker) -> AgentShell:
-    return AgentShell(agent, AgentSetting(store=MemoryStore(), authenticator=None))
-
-
 def crew(diary: list[str], *auv_says: tuple[str, int]) -> list[Speaker]:
     c3, auv = Speaker('c3', diary, ('uav', 1)), Speaker('auv_1', diary, *auv_says)
     return [c3, HardWorker('uav', diary), auv]
@@ -115,7 +78,7 @@ class Graph:
         self, agents: list[Speaker], *, nudges_per_slice: int = 0, link: LinkModel = IDEAL
     ) -> None:
         self.conductor = Conductor(
-            world(link), recorder=False, reply_timeout_s=REPLY_NUDGES * NUDGE_S
+            world(link, max_mission_s=5.0), recorder=False, reply_timeout_s=REPLY_NUDGES * NUDGE_S
         )
         self.shown: list[Addressed] = []
         """Everything but lockstep's own messages."""
@@ -145,18 +108,11 @@ class Graph:
                 case Text(data) if frame.topic is RADIO_RX:
                     self.shown.append((name, frame))
                     self._carry_on(name, self.clients[name].hear(data))
-                case Text(data) if frame.topic in (WORLD_TICK, WORLD_GO):
+                case Text() if frame.topic in (WORLD_TICK, WORLD_GO):
                     for each, client in self.clients.items():
-                        self._carry_on(each, self._told(client, codec.decode(data)[1]))
+                        self._carry_on(each, told(client, frame))
                 case _:
                     self.shown.append((name, frame))
-
-    @staticmethod
-    def _told(client: AgentClient, body: Message) -> list[Frame]:
-        if isinstance(body, Go):
-            return client.go(body)
-        assert isinstance(body, Tick)
-        return client.tick(body)
 
     def _carry_on(self, name: str, frames: list[Frame]) -> None:
         """Do what a node does after a tick and after a message."""
@@ -171,23 +127,7 @@ class Graph:
         for frame in frames:
             if not frame.topic.name.startswith('/world/'):
                 self.shown.append((name, frame))
-            self._under_way += self._to_conductor(name, frame)
-
-    def _to_conductor(self, name: str, frame: Frame) -> list[Addressed]:
-        match frame.message:
-            case Odometry() as odometry:
-                return self.conductor.saw(name, odometry)
-            case Text(data) if frame.topic is RADIO_TX:
-                return self.conductor.said(name, data)
-            case Text(data):
-                match codec.decode(data)[1]:
-                    case Hello() as hello:
-                        return self.conductor.hello(name, hello)
-                    case Ready() as ready:
-                        return self.conductor.ready(name, ready)
-                    case Done() as done:
-                        return self.conductor.done(name, done)
-        return []
+            self._under_way += heard_by_conductor(self.conductor, name, frame)
 
 
 def by_topic(shown: list[Addressed]) -> dict[tuple[str, str], list[Frame]]:
@@ -204,7 +144,7 @@ def test_what_an_agent_works_at_comes_before_all_else_in_one_process_and_in_lock
     alone: list[str] = []
     frames: list[Addressed] = []
     shells = {agent.name: shell(agent) for agent in crew(alone, *auv_says)}
-    run_mission(world(), shells, lambda name, frame: frames.append((name, frame)))
+    run_mission(world(max_mission_s=5.0), shells, lambda name, frame: frames.append((name, frame)))
     assert alone == [
         '1 uav hears 1 from c3',
         *['1 uav works'] * SLICES,
@@ -266,7 +206,9 @@ def test_the_same_is_heard_over_any_radio_in_one_process_and_in_lockstep(link: L
     alone: list[str] = []
     frames: list[Addressed] = []
     shells = {agent.name: shell(agent) for agent in chatterboxes(alone)}
-    run_mission(world(link), shells, lambda name, frame: frames.append((name, frame)))
+    run_mission(
+        world(link, max_mission_s=5.0), shells, lambda name, frame: frames.append((name, frame))
+    )
     diary: list[str] = []
     graph = Graph(chatterboxes(diary), link=link)
     graph.run()

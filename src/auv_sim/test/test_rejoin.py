@@ -13,19 +13,26 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from msgspec import structs
+from three_nodes import (
+    KINDS,
+    REPLY_NUDGES,
+    body_of,
+    heard_by_conductor,
+    odometry,
+    shell,
+    told,
+    word,
+    world,
+)
 
 from auv_sim.conductor import NUDGE_S, Addressed, Conductor, Phase
-from auv_sim.radio_model import ChannelModel, StationKind
-from auv_sim.world import World, WorldSpec
 from msgs_json import codec
 from msgs_json.agent import Output, Publish, Transmit
-from msgs_json.agent_shell import AgentSetting, AgentShell, Frame
+from msgs_json.agent_shell import Frame
 from msgs_json.codec import MessageError
-from msgs_json.geometry import Point
 from msgs_json.guarded_agent import GuardedAgent
 from msgs_json.lockstep_client import RECORDER, AgentClient, RecorderClient
 from msgs_json.messages import (
-    Acknowledged,
     Acknowledgement,
     Done,
     Go,
@@ -40,7 +47,7 @@ from msgs_json.messages import (
     Waiting,
 )
 from msgs_json.node_exit import NodeExit
-from msgs_json.ros_messages import Odometry, Text
+from msgs_json.ros_messages import Text
 from msgs_json.store import MemoryStore
 from msgs_json.topics import (
     MISSION_EVENTS,
@@ -58,23 +65,12 @@ from msgs_json.topics import (
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-ORIGIN = Point(east_m=0.0, north_m=0.0)
-KINDS = {'c3': StationKind.C3, 'uav': StationKind.UAV, 'auv_1': StationKind.AUV}
-REPLY_NUDGES, REJOIN_NUDGES = 4, 20
+REJOIN_NUDGES = 20
 ERRANDS = 5
 """What C3 has to tell the UAV, one after another."""
 _LOCKSTEP = {topic.name for topic in (WORLD_DONE, WORLD_HELLO, WORLD_READY)}
 _KEPT = {topic.name for topic in (WORLD_HELLO, WORLD_READY)}
 """Kept for whoever comes later (transient local)."""
-
-
-def world() -> World:
-    channel = ChannelModel(range_m=20.0, max_message_bytes=4096)
-    return World(
-        WorldSpec(
-            stations=KINDS, c3_position=ORIGIN, channel=channel, tick_s=1.0, max_mission_s=500.0
-        )
-    )
 
 
 def conductor(
@@ -104,20 +100,12 @@ class Errand:
 
     def tick(self, now_s: float) -> list[Output]:
         self.times.append(now_s)
-        odometry = Odometry(
-            stamp_s=now_s,
-            child_frame_id=self.name,
-            position=ORIGIN,
-            z_m=0.0,
-            heading_rad=0.0,
-            speed_mps=0.0,
-        )
         match self.name:
             case 'c3':
                 return [] if self.finished else [Transmit('uav', word(len(self.heard)))]
             case 'auv_1':
-                return [Publish(ODOM, odometry), Transmit('uav', word(100))]
-        return [Publish(ODOM, odometry)]
+                return [Publish(ODOM, odometry(self.name, now_s)), Transmit('uav', word(100))]
+        return [Publish(ODOM, odometry(self.name, now_s))]
 
     def receive(self, src: str, message: Message, now_s: float) -> list[Output]:
         assert isinstance(message, Acknowledgement)
@@ -126,19 +114,6 @@ class Errand:
             self.heard.append(message.reference)
         self.finished = self.name == 'c3' and len(self.heard) == ERRANDS
         return [Transmit('c3', message)] if src == 'c3' else []
-
-
-def word(number: int) -> Acknowledgement:
-    return Acknowledgement(acknowledges=Acknowledged.MISSION_ORDER, reference=number)
-
-
-def shell(agent: Errand, store: MemoryStore) -> AgentShell:
-    return AgentShell(agent, AgentSetting(store=store, authenticator=None))
-
-
-def body_of(frame: Frame) -> Message:
-    assert isinstance(frame.message, Text)
-    return codec.decode(frame.message.data)[1]
 
 
 @dataclass
@@ -282,22 +257,7 @@ class Graph:
 
     def to_conductor(self, name: str, frame: Frame) -> None:
         with suppress(MessageError):  # what the dead said last may come too late to be of use
-            self.from_world(self.heard_by_conductor(name, frame))
-
-    def heard_by_conductor(self, name: str, frame: Frame) -> list[Addressed]:
-        match frame.message:
-            case Odometry() as odometry:
-                return self.conductor.saw(name, odometry)
-            case Text(data) if frame.topic is RADIO_TX:
-                return self.conductor.said(name, data)
-        match body_of(frame):
-            case Hello() as hello:
-                return self.conductor.hello(name, hello)
-            case Ready() as ready:
-                return self.conductor.ready(name, ready)
-            case Done() as done:
-                return self.conductor.done(name, done)
-        return []
+            self.from_world(heard_by_conductor(self.conductor, name, frame))
 
     def from_world(self, output: list[Addressed]) -> None:
         for name, frame in output:
@@ -324,10 +284,7 @@ class Graph:
             with suppress(MessageError):  # it was meant for the process before
                 self.publish(name, process.client.hear(frame.message.data))
             return
-        body = body_of(frame)
-        assert isinstance(body, (Go, Tick))
-        client = process.client
-        self.publish(name, client.go(body) if isinstance(body, Go) else client.tick(body))
+        self.publish(name, told(process.client, frame))
 
     def reach_recorder(self, name: str, process: Process, queue: deque[Frame]) -> None:
         frame = queue.popleft()
@@ -397,17 +354,6 @@ def done(life: int, tick: int = 0, **counts: int) -> Done:
     )
 
 
-def odometry(time_s: float, z_m: float = 0.0) -> Odometry:
-    return Odometry(
-        stamp_s=time_s,
-        child_frame_id='x',
-        position=ORIGIN,
-        z_m=z_m,
-        heading_rad=0.0,
-        speed_mps=0.0,
-    )
-
-
 def said(src: str, dst: str, seq: int) -> bytes:
     return codec.encode(word(seq), src=src, dst=dst, seq=seq, stamp_s=0.0)
 
@@ -439,7 +385,7 @@ def test_deliveries_that_were_not_worked_off_are_delivered_again_once_it_has_tic
         each.said('c3', payload)
     each.done('c3', done(1, sent=2))
     for life, name in ((2, 'uav'), (3, 'auv_1')):
-        each.saw(name, odometry(0.0))
+        each.saw(name, odometry(name, 0.0))
         heard = each.done(name, done(life))
     assert heard == [('uav', Frame(RADIO_RX, Text(payload))) for payload in (first, second)]
     each.done('uav', done(2, received=1))
@@ -448,7 +394,7 @@ def test_deliveries_that_were_not_worked_off_are_delivered_again_once_it_has_tic
     assert topics(output)[-1] == WORLD_GO.name
     assert each.done('uav', done(2, received=2)) == []  # the last word of the dead
     assert topics(each.ready('uav', Ready(go=1))) == [WORLD_TICK.name]
-    each.saw('uav', odometry(0.0))
+    each.saw('uav', odometry('uav', 0.0))
     assert each.done('uav', done(9)) == [('uav', Frame(RADIO_RX, Text(second)))]
     assert phase(each) is Phase.WORKING
     each.done('uav', done(9, received=1))
@@ -458,19 +404,19 @@ def test_deliveries_that_were_not_worked_off_are_delivered_again_once_it_has_tic
 def test_what_an_auv_said_before_it_died_is_heard_though_it_has_dived_meanwhile() -> None:
     each = under_way()
     each.done('c3', done(1))
-    each.saw('uav', odometry(0.0))
+    each.saw('uav', odometry('uav', 0.0))
     each.done('uav', done(2))
-    each.saw('auv_1', odometry(0.0))
+    each.saw('auv_1', odometry('auv_1', 0.0))
     answer = said('auv_1', 'uav', 0)
     each.said('auv_1', answer)
     each.hello('auv_1', hello(9))
     each.ready('auv_1', Ready(go=1))
-    each.saw('auv_1', odometry(0.0, z_m=-5.0))
+    each.saw('auv_1', odometry('auv_1', 0.0, z_m=-5.0))
     assert each.done('auv_1', done(9)) == [('uav', Frame(RADIO_RX, Text(answer)))]
     each.done('uav', done(2, received=1))
     each.begin_tick()
     for name in ('uav', 'auv_1'):
-        each.saw(name, odometry(1.0, z_m=-5.0 if name == 'auv_1' else 0.0))
+        each.saw(name, odometry(name, 1.0, z_m=-5.0 if name == 'auv_1' else 0.0))
     each.said('auv_1', said('auv_1', 'uav', 1))  # it is under water now
     each.done('auv_1', done(9, tick=1, sent=1))
     each.done('uav', done(2, tick=1, received=1))
@@ -492,7 +438,7 @@ def test_between_two_ticks_the_next_one_waits_for_a_node_that_is_greeted() -> No
     each = under_way()
     each.done('c3', done(1))
     for life, name in ((2, 'uav'), (3, 'auv_1')):
-        each.saw(name, odometry(0.0))
+        each.saw(name, odometry(name, 0.0))
         each.done(name, done(life))
     assert phase(each) is Phase.RESTING
     each.hello('auv_1', hello(9))
@@ -531,7 +477,7 @@ def waiting(output: list[Addressed]) -> list[Waiting]:
 def test_who_is_silent_is_named_again_and_again_and_given_up_in_the_end() -> None:
     each = under_way()
     each.done('c3', done(1))
-    each.saw('auv_1', odometry(0.0))
+    each.saw('auv_1', odometry('auv_1', 0.0))
     each.done('auv_1', done(3))
     named = [waiting(each.nudge()) for _ in range(REJOIN_NUDGES - 1)]
     uav = Waiting(lives={'uav': 2}, problem='uav (no answer)')
@@ -643,7 +589,7 @@ def tick_after(each: Conductor, published: int, *, finished: bool = False) -> li
     each.done('c3', structs.replace(done(1), finished=finished))
     output: list[Addressed] = []
     for life, name, count in ((2, 'uav', published), (3, 'auv_1', 0)):
-        each.saw(name, odometry(0.0))
+        each.saw(name, odometry(name, 0.0))
         output = each.done(name, done(life, published=count))
     return output
 
