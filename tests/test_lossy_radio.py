@@ -12,34 +12,25 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
+from msgspec.structs import replace
+from two_auvs import Diary, two_auvs
 
 from auv_sim.kernel import run_mission
 from auv_sim.radio_channel import Delivery
 from auv_sim.world_params import make_world
 from c3_station.in_process import make_agents
 from c3_station.node_params import mission_params
-from c3_station.scenario import Auv, PlannerChoice, Radio, Scenario, Sortie, Uav
+from c3_station.scenario import Scenario
 from msgs_json import codec
-from msgs_json.agent_shell import AgentSetting, Frame
+from msgs_json.agent_shell import AgentSetting
 from msgs_json.authentication import Authenticator
-from msgs_json.geometry import Cell, GridSpec, Point
 from msgs_json.key_file import new_key
 from msgs_json.messages import (
     Acknowledged,
     Acknowledgement,
-    CellEntered,
-    Event,
-    MissionCompleted,
-    MissionStatus,
-    SampleBatch,
-    SamplesDelivered,
-    SortieReturned,
-    StayedUp,
 )
 from msgs_json.randomness import agent_rng
-from msgs_json.ros_messages import Text
 from msgs_json.store import MemoryStore
-from msgs_json.topics import MISSION_EVENTS, MISSION_STATUS, RADIO_RX
 
 DELAY_S = 10.0
 """The longest delay; the surface margin below covers it, so that no leg ends between two cells."""
@@ -99,84 +90,25 @@ LIMIT_S = {'ecc2009': 60.0, 'robust': 27.0}
 """Of a sortie, by planner; for ``robust`` it binds."""
 
 
-def scenario(seed: int, planner: str) -> Scenario:
-    surfacing = {'model': 'early', 'probability': 0.2}
-    return Scenario(
-        name='storm',
-        description='two AUVs that come up where they like',
-        region=GridSpec(cols=4, rows=4, cell_m=10.0),
-        c3=Point(east_m=20.0, north_m=-30.0),
-        uav=Uav(speed_mps=5.0),
-        auvs=(
-            Auv(name='auv_1', initial_path=((0, 0), (1, 0)), surfacing=surfacing),
-            Auv(name='auv_2', initial_path=((3, 3), (2, 3)), surfacing=surfacing),
-        ),
-        radio=Radio(range_m=12.0),
-        # None is given up: with a radio like this it is not heard for many a sortie.
-        sortie=Sortie(limit_s=LIMIT_S[planner], surface_margin_s=DELAY_S, lost_after_sorties=1000),
-        planner=PlannerChoice(name=planner, path_cells=3),
-        seed=seed,
-        max_mission_s=20_000.0,
-    )
+def storm(seed: int, planner: str) -> Scenario:
+    mission = two_auvs(planner, seed=seed, max_mission_s=20_000.0)
+    sortie = replace(mission.sortie, limit_s=LIMIT_S[planner], surface_margin_s=DELAY_S)
+    return replace(mission, sortie=sortie)
 
 
-class Log:
-    """What a mission shows to people, as far as samples and sorties are concerned."""
-
-    def __init__(self) -> None:
-        self.entered: dict[tuple[str, int], Cell] = {}
-        self.relayed: dict[tuple[str, int], Cell] = {}
-        self.delivered = 0
-        self.completed: MissionCompleted | None = None
-        self.status: MissionStatus | None = None
-        self.stayed_up: list[str] = []
-        self.longest_sortie_s = 0.0
-
-    def __call__(self, name: str, frame: Frame) -> None:
-        if frame.topic not in (MISSION_EVENTS, MISSION_STATUS, RADIO_RX):
-            return
-        assert isinstance(frame.message, Text)
-        envelope, body = codec.decode(frame.message.data)
-        match body:
-            case MissionStatus():
-                self.status = body
-            case SampleBatch() if name == 'c3':
-                for sample in body.samples:
-                    self.relayed[sample.auv, sample.number] = sample.cell
-            case Event():
-                self._event(envelope.src, body)
-
-    def _event(self, src: str, event: Event) -> None:
-        match event:
-            case CellEntered(cell=cell, sample_number=number):
-                assert (src, number) not in self.entered
-                self.entered[src, number] = cell
-            case SamplesDelivered(samples=samples):
-                self.delivered += samples
-            case MissionCompleted():
-                self.completed = event
-            case StayedUp():
-                self.stayed_up.append(src)
-            case SortieReturned(duration_s=duration_s):
-                self.longest_sortie_s = max(self.longest_sortie_s, duration_s)
-
-
-def fly(
-    seed: int, planner: str, *, is_signed: bool, loss: float, repeat: float, late: float
-) -> Log:
-    params = mission_params(scenario(seed, planner))
+def flown(mission: Scenario, *, is_signed: bool, loss: float, repeat: float, late: float) -> Diary:
+    params = mission_params(mission)
     world = make_world(params.world)
-    gate = BadRadio(world.gate, seed, loss=loss, repeat=repeat, late=late)
+    gate = BadRadio(world.gate, mission.seed, loss=loss, repeat=repeat, late=late)
     world.gate = gate  # type: ignore[method-assign]
-    log = Log()
-
     authenticator = Authenticator(new_key()) if is_signed else None
 
     def setting(_: str) -> AgentSetting:
         return AgentSetting(store=MemoryStore(), authenticator=authenticator)
 
-    run_mission(world, make_agents(params, setting), log)
-    return log
+    diary = Diary(mission)
+    run_mission(world, make_agents(params, setting), diary)
+    return diary
 
 
 @pytest.mark.parametrize(
@@ -190,16 +122,9 @@ def test_every_sample_arrives_and_counts_once(
     planner: str, seed: int, loss: float, repeat: float, late: float
 ) -> None:
     # Without a key agents hear every copy; with one, only the first of each.
-    log = fly(seed, planner, is_signed=seed % 2 == 1, loss=loss, repeat=repeat, late=late)
-    assert log.completed is not None
-    assert log.relayed == log.entered
-    assert log.delivered == log.completed.samples_delivered == len(log.entered)
-    assert log.completed.cells_delivered == 16
-    assert log.status is not None
-    per_auv = Counter(name for name, _ in log.entered)
-    assert {auv.name: auv.samples_delivered for auv in log.status.auvs} == per_auv
-    if planner == 'robust':
-        assert log.longest_sortie_s <= LIMIT_S[planner]
+    mission = storm(seed, planner)
+    diary = flown(mission, is_signed=seed % 2 == 1, loss=loss, repeat=repeat, late=late)
+    assert diary.check_completed().cells_delivered == 16
 
 
 def test_the_bad_radio_of_this_test_is_bad() -> None:
