@@ -111,12 +111,15 @@ def flown(mission: Scenario, *, is_signed: bool, loss: float, repeat: float, lat
     return diary
 
 
+SEEDS = [*range(2), *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(2, 10))]
+
+
 @pytest.mark.parametrize(
     ('loss', 'repeat', 'late'),
     [(0.1, 0.0, 0.0), (0.5, 0.0, 0.0), (0.0, 0.5, 0.0), (0.0, 0.0, 0.3), (0.3, 0.3, 0.1)],
     ids=['some_loss', 'much_loss', 'repeats', 'late_copies', 'everything'],
 )
-@pytest.mark.parametrize('seed', range(4))
+@pytest.mark.parametrize('seed', SEEDS)
 @pytest.mark.parametrize('planner', LIMIT_S)
 def test_every_sample_arrives_and_counts_once(
     planner: str, seed: int, loss: float, repeat: float, late: float

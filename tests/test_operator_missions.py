@@ -87,6 +87,7 @@ def check_completed(diary: Diary, mission: Scenario) -> MissionCompleted:
     is_all_recalled = len(wanted.recalled) == len(mission.auvs)
     assert completed.cells_delivered == total or is_all_recalled
     assert completed.cells_delivered <= total
+    assert len(diary.events(StayedUp)) == len(mission.auvs)
     return completed
 
 
