@@ -15,7 +15,8 @@ import ast
 import inspect
 import json
 import textwrap
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
+from functools import cache
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -69,7 +70,8 @@ def json_schema_text(name: str) -> str:
     return json.dumps(json_schema(name), indent=2) + '\n'
 
 
-def field_docs(owner: type) -> dict[str, str]:
+@cache  # of a module with many classes, the source of each is searched for anew
+def field_docs(owner: type) -> Mapping[str, str]:
     """Return the docstrings below the fields of a class, or the members of an enum, by name."""
     (definition,) = ast.parse(textwrap.dedent(inspect.getsource(owner))).body
     docs = {}

@@ -108,19 +108,13 @@ def test_every_message_type_has_a_schema() -> None:
     assert {t.__name__ for t in bodies - parts} | unions == set(SCHEMA_TYPES)
 
 
-def test_checked_in_schemas_are_current() -> None:
-    assert {path.stem for path in SCHEMAS.iterdir()} == set(SCHEMA_TYPES)
-    for name in SCHEMA_TYPES:
-        text = (SCHEMAS / f'{name}.json').read_text()
-        assert text == json_schemas.json_schema_text(name), (
-            f'{name}: run python -m msgs_json.json_schemas'
-        )
-
-
-def test_the_command_writes_all_schemas(tmp_path: Path) -> None:
+def test_checked_in_schemas_are_those_that_the_command_writes(tmp_path: Path) -> None:
     json_schemas.write_schemas(tmp_path)
-    for name in SCHEMA_TYPES:
-        assert (tmp_path / f'{name}.json').read_text() == (SCHEMAS / f'{name}.json').read_text()
+    assert {path.stem for path in SCHEMAS.iterdir()} == set(SCHEMA_TYPES)
+    for path in SCHEMAS.iterdir():
+        assert path.read_text() == (tmp_path / path.name).read_text(), (
+            f'{path.stem}: run python -m msgs_json.json_schemas'
+        )
 
 
 @pytest.mark.parametrize('name', SCHEMA_TYPES)
@@ -254,7 +248,7 @@ def is_beyond_json_schema(node: object) -> bool:
 
 
 @given(altered_payloads())
-@settings(max_examples=300)
+@settings(max_examples=150)
 def test_types_and_schemas_agree(payload: dict[str, Any]) -> None:
     is_accepted = refusal_of(json.dumps(payload).encode()) is None
     by_schema = validator(payload['schema'], strict_integers=True).is_valid(payload)

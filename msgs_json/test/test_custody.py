@@ -475,4 +475,4 @@ class Custody(RuleBasedStateMachine):
 
 
 TestCustody = Custody.TestCase
-TestCustody.settings = settings(max_examples=60, stateful_step_count=40)
+TestCustody.settings = settings(max_examples=40, stateful_step_count=40)

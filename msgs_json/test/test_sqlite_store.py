@@ -76,7 +76,7 @@ def run(code: str, path: Path) -> subprocess.CompletedProcess[str]:
     )
 
 
-@pytest.mark.parametrize('kills', [40, pytest.param(400, marks=pytest.mark.slow)])
+@pytest.mark.parametrize('kills', [20, pytest.param(400, marks=pytest.mark.slow)])
 def test_what_was_committed_survives_sigkill_whole(path: Path, kills: int) -> None:
     writers = subprocess.run(
         [sys.executable, KILLED_WRITERS, path, str(kills)],

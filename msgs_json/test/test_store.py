@@ -111,7 +111,7 @@ def test_memory_holds_what_was_committed(operations: list[object]) -> None:
 
 
 @given(operations)
-@settings(max_examples=25, deadline=None)  # each commit waits for the disk
+@settings(max_examples=25)  # each commit waits for the disk
 def test_a_file_holds_what_was_committed(operations: list[object]) -> None:
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)

@@ -295,7 +295,7 @@ class Sailor:
 
 
 @given(voyages)
-@settings(max_examples=400)
+@settings(max_examples=150)
 def test_an_auv_comes_up_on_its_path_in_time_and_says_where(voyage: Voyage) -> None:
     Sailor(voyage).sail()
 
