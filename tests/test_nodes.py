@@ -7,6 +7,7 @@ import signal
 import subprocess
 import time
 from collections.abc import Callable, Iterator
+from itertools import cycle
 from pathlib import Path
 
 import pytest
@@ -164,9 +165,8 @@ def summary_of(bag: Path) -> Summary:
 # --- alone ---------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize('signum', [signal.SIGINT, signal.SIGTERM])
 def test_every_node_starts_alone_and_ends_when_told(
-    start: Start, tmp_path: Path, listener: Listener, signum: signal.Signals
+    start: Start, tmp_path: Path, listener: Listener
 ) -> None:
     nodes = {}
     for package, name in NODES:
@@ -175,7 +175,7 @@ def test_every_node_starts_alone_and_ends_when_told(
         nodes[name] = start(package, name, *place, *extra)
     listener.wait_for(lambda: nodes.keys() <= listener.others())
     assert [name for name, node in nodes.items() if not node.is_up()] == []
-    for node in nodes.values():
+    for node, signum in zip(nodes.values(), cycle([signal.SIGINT, signal.SIGTERM]), strict=False):
         node.signal(signum)
     for name, node in nodes.items():
         code, output = node.end()

@@ -65,7 +65,7 @@ def test_an_interrupt_at_once_ends_everything_too(tmp_path: Path, runs: list[Run
     assert (run.out / 'summary.json').exists()
 
 
-@pytest.mark.parametrize('victim', ['auv_2', 'uav', 'c3'])
+@pytest.mark.parametrize('victim', ['auv_2', 'uav'])
 def test_a_node_that_is_killed_is_named_and_the_bag_stays_readable(
     tmp_path: Path, runs: list[Run], victim: str
 ) -> None:

@@ -704,7 +704,7 @@ def holds_for(
     guaranteed_cases(),
     guarantees_limit=True,
     few=80,
-    many=240,
+    many=160,
     covering=[
         is_met_out_of_turn,
         is_met_between_cells,
@@ -760,7 +760,7 @@ def hands_data_over_for_ticks(flight: Flight) -> bool:
     guaranteed_cases(longer_deaf_ticks=8, samples=8),
     guarantees_limit=True,
     few=40,
-    many=100,
+    many=80,
     covering=[hands_data_over_for_ticks],
 )
 def test_the_limit_is_kept_where_hand_overs_take_longer_than_planned(
@@ -778,7 +778,7 @@ def test_the_limit_is_kept_where_hand_overs_take_longer_than_planned(
     paper_cases(),
     guarantees_limit=False,
     few=60,
-    many=240,
+    many=160,
     covering=[begins_with_a_contact_at_c3, waits_for_a_deadline, hears_one_before_it_is_met],
 )
 def test_without_a_guarantee_everybody_is_met_in_turn_within_the_worst_case(

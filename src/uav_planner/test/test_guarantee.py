@@ -58,7 +58,6 @@ LARGE_BOARDS = {
         STRIP, moves=2, min_moves=2, paths=(((1, 0), (0, 0), (1, 0)), ((2, 0), (3, 0), (2, 0)))
     ),
     'block': BLOCK,
-    'three': replace(STRIP, cols=3, paths=(*STRIP.paths[:1], ((2, 0), (1, 0)), ((1, 0), (2, 0)))),
 }
 
 
