@@ -35,15 +35,14 @@ def test_the_reference_mission_over_ros(tmp_path: Path, runs: list[Run]) -> None
     assert run.nodes() == {}
 
 
-@pytest.mark.parametrize('signum', [signal.SIGINT, signal.SIGTERM])
 def test_an_interrupt_ends_everything_and_leaves_a_readable_bag(
-    tmp_path: Path, runs: list[Run], signum: signal.Signals
+    tmp_path: Path, runs: list[Run]
 ) -> None:
     run = Run(tmp_path / 'run', '--rate', '60')
     runs.append(run)
     run.wait_for_flight()
     assert len(run.nodes()) == 7
-    run.process.send_signal(signum)
+    run.process.send_signal(signal.SIGINT)
     code, output = run.end()
     assert code == ExitCode.INTERRUPTED, output
     assert 'Traceback' not in output
@@ -57,7 +56,7 @@ def test_an_interrupt_at_once_ends_everything_too(tmp_path: Path, runs: list[Run
     run = Run(tmp_path / 'run')
     runs.append(run)
     wait_until(lambda: bool(run.nodes()))
-    run.process.send_signal(signal.SIGINT)
+    run.process.send_signal(signal.SIGTERM)
     code, output = run.end()
     assert code == ExitCode.INTERRUPTED, output
     assert 'Traceback' not in output
@@ -65,21 +64,20 @@ def test_an_interrupt_at_once_ends_everything_too(tmp_path: Path, runs: list[Run
     assert (run.out / 'summary.json').exists()
 
 
-@pytest.mark.parametrize('victim', ['auv_2', 'uav'])
 def test_a_node_that_is_killed_is_named_and_the_bag_stays_readable(
-    tmp_path: Path, runs: list[Run], victim: str
+    tmp_path: Path, runs: list[Run]
 ) -> None:
     run = Run(tmp_path / 'run', '--rate', '60', '--set', 'on_death=end')
     runs.append(run)
     run.wait_for_flight()
-    os.kill(run.nodes()[victim], signal.SIGKILL)
+    os.kill(run.nodes()['uav'], signal.SIGKILL)
     code, output = run.end()
     assert code == ExitCode.FAILED, output
-    assert f'{victim} ended by SIGKILL' in output
+    assert 'uav ended by SIGKILL' in output
     assert 'Traceback' not in output
     assert run.nodes() == {}
     summary = json.loads((run.out / 'summary.json').read_text())
-    assert victim in summary['stopped']
+    assert 'uav' in summary['stopped']
 
 
 def test_a_hanging_node_is_named_too(tmp_path: Path, runs: list[Run]) -> None:
