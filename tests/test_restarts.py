@@ -4,6 +4,7 @@ import json
 import os
 import resource
 import signal
+import time
 from pathlib import Path
 
 import pytest
@@ -83,7 +84,7 @@ def test_a_node_that_hangs_is_killed_and_started_again(tmp_path: Path, runs: lis
     os.kill(run.nodes()['auv_3'], signal.SIGSTOP)
     code, output = run.end()
     assert code == ExitCode.OK, output
-    assert 'auv_3 hangs: auv_3 (no answer)' in output
+    assert 'auv_3 hangs: auv_3 (' in output  # and what it owes, which hangs on when it was
     assert 'auv_3 ended by SIGKILL, restarted (1)' in output
     assert restarts_in(run.out / 'bag') == [NodeRestarted(node='auv_3', restarts=1)]
 
@@ -110,7 +111,7 @@ def test_a_node_that_dies_again_and_again_ends_the_mission(
     assert 'auv_1 ended by SIGKILL for the 6th time within 60 s; the end of' in output
     assert run.nodes() == {}
     summary = json.loads((run.out / 'summary.json').read_text())
-    assert summary['stopped'] == 'interrupted, waiting for auv_1 (no answer) (auv_1)'
+    assert summary['stopped'].startswith('interrupted, waiting for auv_1 (')
 
 
 def test_a_mission_ends_whose_record_has_no_room_and_is_resumed_when_there_is(
@@ -132,14 +133,16 @@ def test_a_mission_ends_whose_record_has_no_room_and_is_resumed_when_there_is(
     assert 'Traceback' not in output
     summary = read_mission(run.out / 'bag').summary
     assert summary.complete
-    assert summary.samples_delivered == 144  # though the bag lacks how some of them were taken
-    assert summary.samples_doubled is None
+    assert summary.explored_s == 457.0  # nothing is missing in its log
+    assert summary.samples_delivered == summary.samples_collected == 144
+    assert summary.samples_doubled == 0
 
 
 def test_a_mission_is_resumed_whose_machine_went_down(tmp_path: Path, runs: list[Run]) -> None:
     run = Run(tmp_path / 'run', '--rate', '150')
     runs.append(run)
-    run.wait_for_flight(300_000)
+    run.wait_for_flight(200_000)
+    time.sleep(0.3)  # when nodes have said and stored what is not in the bag
     for pid in (run.process.pid, *run.nodes().values()):
         os.kill(pid, signal.SIGKILL)
     run.end()

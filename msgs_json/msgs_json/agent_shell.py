@@ -13,6 +13,7 @@ from msgs_json.agent import Agent, Log, Output, Publish, Refuse, Transmit, Worke
 from msgs_json.authentication import SIGNATURE_BYTES
 from msgs_json.codec import MessageError, Refusal
 from msgs_json.fragments import Incoming, Outgoing
+from msgs_json.log_tail import LogTail
 from msgs_json.messages import (
     RADIO_MESSAGES,
     Fragment,
@@ -34,7 +35,7 @@ if TYPE_CHECKING:
 
 _HEARD = frozenset({codec.OPERATOR_COMMAND, *(t.__name__ for t in RADIO_MESSAGES)})
 
-_BOOTS, _HIGHEST, _UNSAID, _VEHICLE = 'boots', 'heard', 'unsaid', 'vehicle'
+_BOOTS, _HIGHEST, _VEHICLE = 'boots', 'heard', 'vehicle'
 """Kinds of entries of the store; an agent has others."""
 
 _LATEST = 'latest'
@@ -213,11 +214,7 @@ class AgentShell:
         self._windows = {
             src: ReplayWindow(highest) for src, highest in self._store.load(_HIGHEST, int).items()
         }
-        self._unsaid = [
-            Frame(MISSION_EVENTS, Text(payload))
-            for payload in self._store.load(_UNSAID, list[bytes]).get('', [])
-        ]
-        """Log entries of the process before, which may have died before it said them."""
+        self._log_tail = LogTail(self._store)
         self._store.put(_BOOTS, '', boot)
         self._store.commit()
 
@@ -236,13 +233,26 @@ class AgentShell:
         """Return the number of what the agent says next by radio."""
         return self._speaker.next_seq(RADIO_TX)
 
+    @property
+    def logged(self) -> int:
+        """Return the number below which all that the agent has stored in its log is said."""
+        return self._log_tail.said
+
+    def recorded(self, logged: int) -> None:
+        """
+        Note that what it has logged below a number is recorded; a next life says the rest again.
+
+        Never called, it takes what is said for recorded.
+        """
+        self._log_tail.recorded(logged)
+
     def tick(self, now_s: float) -> list[Frame]:
         """Tick the agent."""
         self._heard.clear()
         frames = self._stored(self.agent.tick(now_s), now_s)
         # Not before: the vehicle may fail in this tick, and this process may die, too.
-        unsaid, self._unsaid = self._unsaid, []
-        return [*unsaid, *frames]
+        unsaid = self._log_tail.say_again()
+        return [*(Frame(MISSION_EVENTS, Text(entry)) for entry in unsaid), *frames]
 
     def receive(self, data: bytes, now_s: float) -> list[Frame]:
         """Hand the agent what came by radio, if it may be heard."""
@@ -338,12 +348,11 @@ class AgentShell:
                 self._store.put(_VEHICLE, '', memory)
         if not self._store.is_changed:
             return frames
-        unsaid = [
+        self._log_tail.keep(
             frame.message.data
-            for frame in (*self._unsaid, *frames)
+            for frame in frames
             if frame.topic is MISSION_EVENTS and isinstance(frame.message, Text)
-        ]
-        self._store.put(_UNSAID, '', unsaid)
+        )
         self._store.put(_LATEST, '', now_s)
         try:
             self._store.commit()

@@ -54,6 +54,15 @@ class GuardedAgent:
         """Return whether the agent has work left to do before anything else is asked of it."""
         return self._shell.is_busy
 
+    @property
+    def logged(self) -> int:
+        """Return the number below which all that the agent has stored in its log is said."""
+        return self._shell.logged
+
+    def recorded(self, logged: int) -> None:
+        """Note that what it has logged below a number is recorded."""
+        self._shell.recorded(logged)
+
     def tick(self, now_s: float) -> list[Frame]:
         """Tick the agent; nothing comes of it where its vehicle fails."""
         try:

@@ -54,6 +54,8 @@ class AgentClient:
         self._go: int | None = None
         """Number of the go that was the first for this life."""
         self._tick: Tick | None = None
+        self._asked_for = 0
+        """What the agent had logged before the tick, if the recorder is waited for in it."""
         self._received = 0
         self._noise = 0
         self._sent = 0
@@ -104,7 +106,14 @@ class AgentClient:
         if self._tick is not None and tick.tick < self._tick.tick:
             return []
         frames: list[Frame] = []
-        if self._tick is None or tick.tick > self._tick.tick or self._agent.is_behind:
+        if self._tick is None or tick.tick > self._tick.tick:
+            # The world goes on only when the recorder has what it was asked for in the last one.
+            self._agent.recorded(self._asked_for)
+            if tick.published is not None:
+                self._asked_for = self._agent.logged
+            self._tick = tick
+            frames = self._counted(self._agent.tick(tick.time_s))
+        elif self._agent.is_behind:
             self._tick = tick
             frames = self._counted(self._agent.tick(tick.time_s))
         return [*frames, *self._done(tick)]

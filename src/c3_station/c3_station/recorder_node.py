@@ -32,7 +32,7 @@ from msgs_json.topics import (
 )
 
 _FLUSH_S = 0.5
-"""Wall time that a SIGKILL can cost at most."""
+"""Wall time that a bag lacks at most of what was not asked for, when its machine goes down."""
 _UNCOUNTED = (SETPOINT, VEHICLE_ODOM)
 """Between a driver and its autopilot: agents do not count these as published."""
 
@@ -110,7 +110,7 @@ class RecorderNode(HostedNode):
 
     def _answer(self, frames: list[Frame]) -> None:
         if frames:
-            self._write()
+            self._flush()  # what it says it holds must not go down with the machine
             if not self._has_failed:  # else it would claim to hold what it does not
                 self._publish(frames)
 

@@ -408,7 +408,6 @@ class _Figures:
     ) -> None:
         self.started: MissionStarted | None = None
         self.completed_s: float | None = None
-        self.is_resumed = False
         self.stopped: str | None = None
         self.restarts: dict[str, int] = {}
         """By node."""
@@ -454,7 +453,6 @@ class _Figures:
                 self.completed_s = time_s
             case MissionResumed():
                 self.stopped = None
-                self.is_resumed = True
             case NodeRestarted(node=node, restarts=restarts):
                 self.restarts[node] = max(self.restarts.get(node, 0), restarts)
             case MissionStopped(reason=reason, node=node):
@@ -688,8 +686,6 @@ class _Figures:
         excess = sum(
             max(0, at_c3 - len(self.sampled_s.get(auv, ()))) for auv, at_c3 in self.at_c3.items()
         )
-        if excess and self.is_resumed:
-            return None  # what ended with the machine, or with room for the bag, was not recorded
         return max(excess, taken - sum(self.at_c3.values()), 0)
 
     def _data_age_max_s(self) -> float | None:
