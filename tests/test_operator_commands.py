@@ -19,7 +19,6 @@ from msgs_json.messages import (
     DirectiveTaken,
     EndMission,
     Event,
-    MessageRefused,
     Pause,
     Recall,
     RecoveryReason,
@@ -59,12 +58,19 @@ def events_of(record: MissionRecord, kind: type[Event]) -> list[Event]:
 
 
 @pytest.mark.ros
-def test_the_operator_of_a_running_mission_is_answered_and_obeyed(
+def test_the_operator_of_a_running_mission_is_answered_and_obeyed_and_nobody_else(
     tmp_path: Path, runs: list[Run]
 ) -> None:
     run = Run(tmp_path / 'run', '--rate', '15')
     runs.append(run)
     run.wait_for_flight()
+    stranger = tmp_path / 'stranger'
+    stranger.mkdir()
+    shutil.copy(run.out / 'domain', stranger)
+    write_key(stranger / 'key', new_key())
+    code, output = command(stranger, 'abort')
+    assert code == ExitCode.FAILED
+    assert output == silence(RunFolder(stranger), 10.0)
     assert command(run.out, 'recall', 'auv_2') == (ExitCode.OK, TAKEN)
     assert command(run.out, 'pause') == (ExitCode.OK, TAKEN)
     code, output = command(run.out, 'recall', 'auv_9')
@@ -89,36 +95,12 @@ def test_the_operator_of_a_running_mission_is_answered_and_obeyed(
     reasons = [each.reason for each in events_of(record, StayedUp) if isinstance(each, StayedUp)]
     assert reasons == [RecoveryReason.RECALLED] * 3
     assert record.summary.samples_delivered == record.summary.samples_collected
+    (refused,) = record.summary.refusals
+    assert (refused.node, refused.reason) == ('c3', 'auth')
     assert command(run.out, 'pause') == (
         ExitCode.BAD_INPUT,
         f'{run.out}: no mission is being flown there on ROS nodes',
     )
-
-
-@pytest.mark.ros
-def test_c3_obeys_nobody_without_its_key(tmp_path: Path, runs: list[Run]) -> None:
-    run = Run(tmp_path / 'run', '--rate', '15')
-    runs.append(run)
-    run.wait_for_flight()
-    stranger = tmp_path / 'stranger'
-    stranger.mkdir()
-    shutil.copy(run.out / 'domain', stranger)
-    write_key(stranger / 'key', new_key())
-    code, output = command(stranger, 'abort')
-    assert code == ExitCode.FAILED
-    assert output == silence(RunFolder(stranger), 10.0)
-    assert command(run.out, 'end') == (ExitCode.OK, TAKEN)
-    record = ended(run)
-    told = [
-        each.command for each in events_of(record, CommandTaken) if isinstance(each, CommandTaken)
-    ]
-    assert {*told} == {EndMission()}
-    refused = [
-        each for each in events_of(record, MessageRefused) if isinstance(each, MessageRefused)
-    ]
-    assert {each.reason for each in refused} == {'auth'}
-    (summed,) = record.summary.refusals
-    assert (summed.node, summed.reason) == ('c3', 'auth')
 
 
 @pytest.mark.parametrize(

@@ -19,22 +19,6 @@ from c3_station.scenario_files import load_scenario
 pytestmark = pytest.mark.ros
 
 
-def test_the_reference_mission_over_ros(tmp_path: Path, runs: list[Run]) -> None:
-    run = Run(tmp_path / 'run', '--rate', 'max')
-    runs.append(run)
-    code, output = run.end()
-    assert code == ExitCode.OK, output
-    summary = json.loads((run.out / 'summary.json').read_text())
-    assert summary['explored_s'] == 457.0
-    assert summary['sortie_limit_violations'] == 0
-    assert summary['samples_delivered'] == summary['samples_collected']
-    assert (run.out / 'report.html').exists()
-    assert 'Traceback' not in ''.join(log.read_text() for log in run.out.glob('logs/*.log'))
-    with BagReader(run.out / 'bag') as reader:
-        assert reader.facts.complete
-    assert run.nodes() == {}
-
-
 def test_an_interrupt_ends_everything_and_leaves_a_readable_bag(
     tmp_path: Path, runs: list[Run]
 ) -> None:

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 import pytest
 from bag_contents import recorded
+from orchestrated_run import Run
 
+from c3_station.bag import BagReader
 from c3_station.cli import main
 from c3_station.exit_codes import ExitCode
 
@@ -67,57 +70,76 @@ max_mission_s: 4000
 WRITTEN_HERE = {'uncertain': UNCERTAIN, 'rough': ROUGH}
 
 
-KEY = '5e' * 32
-"""Else every run draws a key of its own, and signs the same messages differently."""
-
-
-def flown(scenario: str, out: Path, *options: str) -> dict[str, list[tuple[int, bytes]]]:
-    key = out.with_suffix('.key')
-    key.touch(mode=0o600)
-    key.write_text(KEY)
-    code = main(['run', scenario, '--out', str(out), '--key-file', str(key), *options])
+def flown(
+    scenario: str, out: Path, key_file: Path, *options: str
+) -> dict[str, list[tuple[int, bytes]]]:
+    code = main(['run', scenario, '--out', str(out), '--key-file', str(key_file), *options])
     assert code in (ExitCode.OK, ExitCode.FAILED)  # what it came to is not the question here
     return recorded(out / 'bag')
 
 
-@pytest.mark.ros
-@pytest.mark.parametrize(
-    ('name', 'planner'),
-    [
-        ('ecc2009', []),
-        ('uncertain', []),
-        ('rough', []),
-        ('ecc2009', ['--planner', 'adaptive', '--set', *PLANNED]),
-    ],
-    ids=['ecc2009', 'uncertain', 'rough', 'planned_ahead'],
-)
-def test_nodes_and_one_process_fly_the_same_mission(
-    tmp_path: Path, name: str, planner: list[str]
+def assert_same(
+    alone: dict[str, list[tuple[int, bytes]]], nodes: dict[str, list[tuple[int, bytes]]]
 ) -> None:
-    scenario = name
-    if name in WRITTEN_HERE:
-        scenario = str(tmp_path / f'{name}.yaml')
-        Path(scenario).write_text(WRITTEN_HERE[name])
-    alone = flown(scenario, tmp_path / 'alone', '--no-ros', *planner)
-    nodes = flown(scenario, tmp_path / 'nodes', '--rate', 'max', *planner)
     assert alone.keys() == nodes.keys()
     assert sum(map(len, alone.values())) > 1000
     for topic, messages in alone.items():
         assert messages == nodes[topic], topic
 
 
-@pytest.mark.slow
-def test_the_same_run_twice_is_the_same(tmp_path: Path) -> None:
-    (tmp_path / 'uncertain.yaml').write_text(UNCERTAIN)
-    scenario = str(tmp_path / 'uncertain.yaml')
-    first = flown(scenario, tmp_path / 'first', '--no-ros')
-    assert first == flown(scenario, tmp_path / 'second', '--no-ros')
+@pytest.mark.ros
+@pytest.mark.parametrize(
+    ('name', 'options'),
+    [
+        ('uncertain', []),
+        ('rough', []),
+        ('uncertain', ['--planner', 'adaptive', '--set', *PLANNED]),
+    ],
+    ids=['uncertain', 'rough', 'planned_ahead'],
+)
+def test_nodes_and_one_process_fly_the_same_mission(
+    tmp_path: Path, key_file: Path, name: str, options: list[str]
+) -> None:
+    scenario = tmp_path / f'{name}.yaml'
+    scenario.write_text(WRITTEN_HERE[name])
+    alone = flown(str(scenario), tmp_path / 'alone', key_file, '--no-ros', *options)
+    nodes = flown(str(scenario), tmp_path / 'nodes', key_file, '--rate', 'max', *options)
+    assert_same(alone, nodes)
+
+
+@pytest.mark.ros
+def test_the_reference_mission_is_the_same_and_leaves_nothing_but_its_folder(
+    tmp_path: Path, key_file: Path, runs: list[Run]
+) -> None:
+    run = Run(tmp_path / 'nodes', '--key-file', str(key_file), '--rate', 'max')
+    runs.append(run)
+    alone = flown('ecc2009', tmp_path / 'alone', key_file, '--no-ros')
+    code, output = run.end()
+    assert code == ExitCode.OK, output
+    assert_same(alone, recorded(run.out / 'bag'))
+    summary = json.loads((run.out / 'summary.json').read_text())
+    assert summary['explored_s'] == 457.0
+    assert summary['sortie_limit_violations'] == 0
+    assert summary['samples_delivered'] == summary['samples_collected']
+    assert (run.out / 'report.html').exists()
+    assert 'Traceback' not in ''.join(log.read_text() for log in run.out.glob('logs/*.log'))
+    with BagReader(run.out / 'bag') as reader:
+        assert reader.facts.complete
+    assert run.nodes() == {}
 
 
 @pytest.mark.slow
-def test_another_seed_is_another_mission(tmp_path: Path) -> None:
+def test_the_same_run_twice_is_the_same(tmp_path: Path, key_file: Path) -> None:
     (tmp_path / 'uncertain.yaml').write_text(UNCERTAIN)
     scenario = str(tmp_path / 'uncertain.yaml')
-    first = flown(scenario, tmp_path / 'first', '--no-ros')
-    other = flown(scenario, tmp_path / 'other', '--no-ros', '--seed', '12')
+    first = flown(scenario, tmp_path / 'first', key_file, '--no-ros')
+    assert first == flown(scenario, tmp_path / 'second', key_file, '--no-ros')
+
+
+@pytest.mark.slow
+def test_another_seed_is_another_mission(tmp_path: Path, key_file: Path) -> None:
+    (tmp_path / 'uncertain.yaml').write_text(UNCERTAIN)
+    scenario = str(tmp_path / 'uncertain.yaml')
+    first = flown(scenario, tmp_path / 'first', key_file, '--no-ros')
+    other = flown(scenario, tmp_path / 'other', key_file, '--no-ros', '--seed', '12')
     assert first['/auv_1/odom'] != other['/auv_1/odom']

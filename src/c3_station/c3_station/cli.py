@@ -35,11 +35,10 @@ class _Command:
 def main(arguments: Sequence[str]) -> int:
     """Run a sub-command (``run`` if none is named) and return the exit code."""
     console = Console(stderr=False)
-    parser = _parser()
     words = list(arguments)
     if not words or (words[0].startswith('-') and words[0] not in ('-h', '--help')):
         words.insert(0, 'run')
-    options = parser.parse_args(words)
+    options = _parser(words[0]).parse_args(words)
     try:
         return _COMMANDS[options.command].execute(options, console)
     except KeyboardInterrupt:
@@ -52,7 +51,8 @@ def main(arguments: Sequence[str]) -> int:
         return ExitCode.BAD_INPUT
 
 
-def _parser() -> argparse.ArgumentParser:
+def _parser(chosen: str) -> argparse.ArgumentParser:
+    """Return the parser, with the options of one command: for some of them much is imported."""
     parser = argparse.ArgumentParser(
         prog=PROGRAM,
         description='Shearwater: explore the sea with AUVs and the UAV that relays for them. '
@@ -66,7 +66,8 @@ def _parser() -> argparse.ArgumentParser:
             description=command.summary[0].upper() + command.summary[1:] + '.',
             epilog=f'example: {PROGRAM} {command.example}',
         )
-        command.add_options(sub)
+        if name == chosen:
+            command.add_options(sub)
     return parser
 
 
