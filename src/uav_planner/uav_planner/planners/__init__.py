@@ -6,10 +6,10 @@ import inspect
 from types import MappingProxyType
 from typing import TYPE_CHECKING
 
+from uav_planner.candidate_paths import DOCUMENTED_TIE_ORDER
 from uav_planner.planners.ecc2009 import make_ecc2009
 from uav_planner.planners.lanes import make_lanes
 from uav_planner.planners.random_paths import make_random
-from uav_planner.planners.robust import make_robust
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
@@ -19,17 +19,24 @@ if TYPE_CHECKING:
 
 def _make_adaptive(*, effort: str = 'normal', visiting_order: str = 'fixed') -> Planner:
     """Plan whole missions ahead, and keep L whatever the AUVs do: the fastest."""
-    # Not at the top: its libraries take long to import.
+    # Not at the top, and so with `robust`: nodes that plan nothing need no compiler.
     from uav_planner.planners.adaptive import make_adaptive
 
     return make_adaptive(effort=effort, visiting_order=visiting_order)
+
+
+def _make_robust(*, tie_order: str = DOCUMENTED_TIE_ORDER.name) -> Planner:
+    """Plan by the paper's value and straightness, and keep L whatever the AUVs do."""
+    from uav_planner.planners.robust import make_robust
+
+    return make_robust(tie_order=tie_order)
 
 
 PLANNERS: Mapping[str, Callable[..., Planner]] = MappingProxyType(
     {
         'adaptive': _make_adaptive,
         'ecc2009': make_ecc2009,
-        'robust': make_robust,
+        'robust': _make_robust,
         'lanes': make_lanes,
         'random': make_random,
     }
