@@ -88,9 +88,9 @@ class Speaker:
         """Return the number of what is said next on a topic."""
         return self._first_seq + self._seq[topic.name]
 
-    def rewind(self, topic: Topic, next_seq: int) -> None:
-        """Begin with a number again: what got it, and all after that, was never said."""
-        self._seq[topic.name] = next_seq - self._first_seq
+    def take_back(self, topic: Topic, count: int) -> None:
+        """Count so many messages of a topic as never said; what comes next gets their numbers."""
+        self._seq[topic.name] -= count
 
     def frame(self, topic: Topic, body: Message, stamp_s: float, dst: str | None = None) -> Frame:
         """Return a frame with the body in an envelope."""
@@ -248,11 +248,14 @@ class AgentShell:
 
     def tick(self, now_s: float) -> list[Frame]:
         """Tick the agent."""
-        self._heard.clear()
+        if self._heard:
+            self._heard.clear()
         frames = self._stored(self.agent.tick(now_s), now_s)
         # Not before: the vehicle may fail in this tick, and this process may die, too.
-        unsaid = self._log_tail.say_again()
-        return [*(Frame(MISSION_EVENTS, Text(entry)) for entry in unsaid), *frames]
+        if not self._log_tail.unsaid:
+            return frames
+        unsaid = [Frame(MISSION_EVENTS, Text(entry)) for entry in self._log_tail.say_again()]
+        return [*unsaid, *frames]
 
     def receive(self, data: bytes, now_s: float) -> list[Frame]:
         """Hand the agent what came by radio, if it may be heard."""
@@ -339,7 +342,6 @@ class AgentShell:
 
     def _stored(self, outputs: list[Output], now_s: float) -> list[Frame]:
         """Return what may be said after an input, once all that it has changed is stored."""
-        next_seq = self.next_seq
         frames = self._frames(outputs, now_s)
         if self._vehicle is not None:
             memory = self._vehicle.memory()
@@ -357,8 +359,10 @@ class AgentShell:
         try:
             self._store.commit()
         except StoreError as error:
+            said = len(frames)
             frames = [frame for frame in frames if frame.topic is not RADIO_TX]
-            self._speaker.rewind(RADIO_TX, next_seq)  # the radio takes a gap for a stranger's
+            # The radio takes a gap for a stranger's.
+            self._speaker.take_back(RADIO_TX, said - len(frames))
             if not self._cannot_store:
                 self._cannot_store = True
                 failed = StorageFailed(problem=str(error))
@@ -373,14 +377,14 @@ class AgentShell:
         frames = []
         for output in outputs:
             match output:
-                case Transmit(dst, body):
-                    for _ in range(self._copies):
-                        frames += self._by_radio(dst, body, now_s)
                 case Publish(topic, message):
                     if isinstance(message, Message):
                         frames.append(self._speaker.frame(topic, message, now_s))
                     else:
                         frames.append(Frame(topic, message))
+                case Transmit(dst, body):
+                    for _ in range(self._copies):
+                        frames += self._by_radio(dst, body, now_s)
                 case Log(event, stamp_s):
                     frames.append(self._speaker.frame(MISSION_EVENTS, event, stamp_s))
                 case Refuse():

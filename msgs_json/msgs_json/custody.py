@@ -98,12 +98,14 @@ class SampleCustody:
         self._passed_on: dict[str, NumberSet] = {}
         """By AUV, what the next one on the way said that it holds."""
         self._said_s: dict[tuple[str, int], float] = {}
+        self._waiting: tuple[Sample, ...] | None = None
+        """What the next one on the way is not known to hold; None where that has changed."""
 
     def take(self, samples: Iterable[Sample]) -> None:
         """Take samples over; those that are kept, or at C3, change nothing."""
         new = [sample for sample in samples if not self.has(sample.auv, sample.number)]
         if new:
-            self._kept = _in_order([*self._kept.values(), *new])
+            self._kept, self._waiting = _in_order([*self._kept.values(), *new]), None
         for sample in new:
             self._store.put(SAMPLE, sample_key(sample.auv, sample.number), sample)
 
@@ -132,7 +134,7 @@ class SampleCustody:
     def first_batch(self, now_s: float) -> tuple[Sample, ...]:
         """Return the oldest samples that are to be passed on, as many as fit into a frame."""
         batch = []
-        for sample in self._waiting():
+        for sample in self._to_pass_on():
             batch.append(sample)
             self._said_s[sample.auv, sample.number] = now_s
             if len(batch) == self._batch_samples:
@@ -142,7 +144,7 @@ class SampleCustody:
     def batches(self, now_s: float) -> list[SampleBatch]:
         """Return what is to be passed on and was not said of late."""
         size = self._batch_samples
-        due = [sample for sample in self._waiting() if self._is_due(sample, now_s)]
+        due = [sample for sample in self._to_pass_on() if self._is_due(sample, now_s)]
         # Said longest ago, or never, first: what is never taken over holds up nothing else.
         due = sorted(due, key=self._last_said_s)[: BATCHES_MAX * size]
         for sample in due:
@@ -163,6 +165,7 @@ class SampleCustody:
         self._passed_on |= {auv: NumberSet.from_spans(spans) for auv, spans in held.items()}
         if not held:
             self._passed_on = {}  # It names nobody, for it has lost all that it held.
+        self._waiting = None
 
     def _forget(self, span: SampleSpan) -> None:
         at_c3 = self._at_c3.setdefault(span.auv, NumberSet())
@@ -177,12 +180,15 @@ class SampleCustody:
                 self._said_s.pop((auv, number), None)
                 self._store.drop(SAMPLE, sample_key(auv, number))
 
-    def _waiting(self) -> Iterable[Sample]:
-        """Yield what is kept and the next one on the way is not known to hold."""
-        nothing = NumberSet()
-        for (auv, number), sample in self._kept.items():
-            if number not in self._passed_on.get(auv, nothing):
-                yield sample
+    def _to_pass_on(self) -> tuple[Sample, ...]:
+        """Return what is kept and the next one on the way is not known to hold."""
+        if self._waiting is None:
+            self._waiting = tuple(
+                sample
+                for (auv, number), sample in self._kept.items()
+                if number not in self._passed_on.get(auv, ())
+            )
+        return self._waiting
 
     def _is_due(self, sample: Sample, now_s: float) -> bool:
         said_s = self._last_said_s(sample)

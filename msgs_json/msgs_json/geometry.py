@@ -147,11 +147,19 @@ class GridSpec(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=
         row = math.floor(point.north_m / self.cell_m)
         return (min(max(col, 0), self.cols - 1), min(max(row, 0), self.rows - 1))
 
+    @cached_property
+    def _neighbours(self) -> dict[Cell, tuple[Cell, ...]]:
+        return {}  # filled as they are asked for
+
     def neighbours(self, cell: Cell) -> tuple[Cell, ...]:
         """Return the up to 4 cells of the region beside a cell: east, north, west, south."""
-        col, row = cell
-        around = ((col + 1, row), (col, row + 1), (col - 1, row), (col, row - 1))
-        return tuple(each for each in around if self.contains(each))
+        known = self._neighbours.get(cell)
+        if known is None:
+            col, row = cell
+            around = ((col + 1, row), (col, row + 1), (col - 1, row), (col, row - 1))
+            known = tuple(each for each in around if self.contains(each))
+            self._neighbours[cell] = known
+        return known
 
     def moves_from(self, sources: Iterable[Cell]) -> dict[Cell, int]:
         """Return how many moves each cell is from the nearest source; only those in reach."""
@@ -164,6 +172,18 @@ class GridSpec(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=
                     moves[neighbour] = moves[cell] + 1
                     waiting.append(neighbour)
         return moves
+
+    @cached_property
+    def _parts(self) -> dict[Cell, frozenset[Cell]]:
+        return {}  # filled as they are asked for
+
+    def part_of(self, cell: Cell) -> frozenset[Cell]:
+        """Return the cells that can be reached from a cell of the region, itself included."""
+        part = self._parts.get(cell)
+        if part is None:
+            part = frozenset(self.moves_from([cell]))
+            self._parts.update(dict.fromkeys(part, part))
+        return part
 
     def neighbour_toward(self, cell: Cell, point: Point, among: Iterable[Cell]) -> Cell | None:
         """Return the neighbour on whose side of a cell's centre a point lies, None if on none."""
@@ -227,7 +247,10 @@ def whole_ticks(ticks: float) -> int:
     Rounds up, but forgives `TOLERANCE`, so that a hop of exactly n ticks takes n and not n + 1.
     Every conversion of a distance or a time into ticks goes through here.
     """
-    return math.ceil(ticks - TOLERANCE * max(1.0, abs(ticks)))
+    # Written without max: some ten thousand of these are asked for in each mission.
+    return math.ceil(
+        ticks - TOLERANCE * (ticks if ticks > 1.0 else 1.0 if ticks > -1.0 else -ticks)
+    )
 
 
 def within_range(distance_m: float, range_m: float) -> bool:

@@ -34,7 +34,8 @@ class LogTail:
         self._store = store
         kept = store.load(_KIND, bytes)
         self._kept = deque(int(number) for number in kept)
-        self._unsaid = list(kept.values())
+        self.unsaid = list(kept.values())
+        """What processes before this one may not have said, or said in vain."""
         self._next = self._kept[-1] + 1 if self._kept else 0
         self._recorded: int | None = None
         """None: what is said is recorded at once."""
@@ -42,11 +43,11 @@ class LogTail:
     @property
     def said(self) -> int:
         """Return the number below which this process, or one before it, has said all entries."""
-        return self._kept[0] if self._unsaid else self._next
+        return self._kept[0] if self.unsaid else self._next
 
     def say_again(self) -> list[bytes]:
-        """Return, once, what processes before this one may not have said, or said in vain."""
-        unsaid, self._unsaid = self._unsaid, []
+        """Return what is unsaid, and take it for said from now on."""
+        unsaid, self.unsaid = self.unsaid, []
         return unsaid
 
     def recorded(self, below: int) -> None:

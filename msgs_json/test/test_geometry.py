@@ -354,3 +354,11 @@ def test_times_as_good_as_equal_are_not_before_each_other() -> None:
 )
 def test_surface_deadline(way_m: float, margin_s: float, tick_s: float, deadline_s: float) -> None:
     assert surface_deadline_s(100.0, way_m, 1.0, margin_s, tick_s) == pytest.approx(deadline_s)
+
+
+def test_the_part_of_a_cell_is_what_can_be_reached_from_it() -> None:
+    # Masked: a wall with no gate in it, and a corner that is cut off.
+    grid = GridSpec(cols=5, rows=4, cell_m=1.0, masked=((2, 0), (2, 1), (2, 2), (2, 3), (3, 0)))
+    for cell in grid.cells:
+        assert grid.part_of(cell) == frozenset(grid.moves_from([cell]))
+    assert len({grid.part_of(cell) for cell in grid.cells}) == 2

@@ -61,18 +61,20 @@ def _run_tick(world: World, agents: Mapping[str, Shell], sink: Sink) -> None:
     sink(WORLD, world.clock())
     for name in world.order:
         agent = agents[name]
-        _carry(name, _worked_off(agent, agent.tick(now_s), now_s), world, sink)
+        _carry(name, agent.tick(now_s), world, sink)
+        if agent.is_busy:
+            _carry(name, _worked_off(agent, now_s), world, sink)
     while heard := world.gate():
         for name, payload, _ in heard:
             sink(name, Frame(RADIO_RX, Text(payload)))
             agent = agents[name]
-            frames = _worked_off(agent, agent.receive(payload, now_s), now_s)
-            _carry(name, frames, world, sink)
+            _carry(name, agent.receive(payload, now_s), world, sink)
+            if agent.is_busy:
+                _carry(name, _worked_off(agent, now_s), world, sink)
 
 
-def _worked_off(agent: Shell, frames: list[Frame], now_s: float) -> Iterator[Frame]:
-    """Yield what came of a tick or a message, and of the work that this began, as it is done."""
-    yield from frames
+def _worked_off(agent: Shell, now_s: float) -> Iterator[Frame]:
+    """Yield what comes of the work that a tick or a message has begun, as it is done."""
     while agent.is_busy:
         yield from agent.work(now_s)
 

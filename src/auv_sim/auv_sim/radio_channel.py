@@ -233,6 +233,8 @@ class RadioChannel:
     def _ideal(self, now_s: float) -> list[Delivery]:
         heard = []
         for speaker, station in self._stations.items():
+            if not station.said:
+                continue  # like most, in most rounds
             for receiver, payload in station.said:
                 obstacle = self._obstacle(speaker, receiver, now_s)
                 if obstacle is not None:

@@ -15,12 +15,11 @@ import msgspec
 import numpy as np
 
 from auv_sim.tagged_json import decode_tagged
+from msgs_json.geometry import Point
 from msgs_json.randomness import agent_rng
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from msgs_json.geometry import GridSpec, Point
+    from msgs_json.geometry import GridSpec
 
 
 class SurveyField(Protocol):
@@ -101,17 +100,26 @@ class SyntheticField:
         extent_m = np.array([region.cols, region.rows]) * region.cell_m
         diagonal_m = float(np.hypot(*extent_m))
         direction_rad = rng.uniform(-math.pi, math.pi)
-        self._middle_m = extent_m / 2.0
-        self._gradient_c_per_m: NDArray[np.float64] = (
-            GRADIENT_C / diagonal_m * np.array([math.cos(direction_rad), math.sin(direction_rad)])
-        )
-        self._plumes_m = rng.uniform(0.0, extent_m, size=(PLUMES, 2))
-        self._plumes_c = rng.uniform(*PLUME_C, size=PLUMES)
-        self._radii_m = rng.uniform(*PLUME_RADIUS, size=PLUMES) * diagonal_m
+        self._middle = Point(east_m=float(extent_m[0]) / 2.0, north_m=float(extent_m[1]) / 2.0)
+        self._east_c_per_m = GRADIENT_C / diagonal_m * math.cos(direction_rad)
+        self._north_c_per_m = GRADIENT_C / diagonal_m * math.sin(direction_rad)
+        middles_m = rng.uniform(0.0, extent_m, size=(PLUMES, 2)).tolist()
+        excesses_c = rng.uniform(*PLUME_C, size=PLUMES).tolist()
+        radii_m = (rng.uniform(*PLUME_RADIUS, size=PLUMES) * diagonal_m).tolist()
+        self._plumes = [
+            (Point(east_m=east_m, north_m=north_m), excess_c, radius_m)
+            for (east_m, north_m), excess_c, radius_m in zip(
+                middles_m, excesses_c, radii_m, strict=True
+            )
+        ]
 
     def sample(self, point: Point) -> float:
         """Return the temperature at a point, degrees Celsius."""
-        place_m = np.array([point.east_m, point.north_m])
-        background_c = MEAN_C + self._gradient_c_per_m @ (place_m - self._middle_m)
-        distances = np.hypot(*(place_m - self._plumes_m).T) / self._radii_m
-        return float(background_c + self._plumes_c @ np.exp(-0.5 * distances**2))
+        # Point by point without numpy, whose linear algebra keeps a thread spinning on each core.
+        temperature_c = MEAN_C
+        temperature_c += self._east_c_per_m * (point.east_m - self._middle.east_m)
+        temperature_c += self._north_c_per_m * (point.north_m - self._middle.north_m)
+        for middle, excess_c, radius_m in self._plumes:
+            distance = point.distance_m(middle) / radius_m
+            temperature_c += excess_c * math.exp(-0.5 * distance * distance)
+        return temperature_c

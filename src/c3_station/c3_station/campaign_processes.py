@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import multiprocessing
 import os
 import signal
@@ -69,6 +70,7 @@ def start_worker() -> None:
     """Prepare a process that flies missions: it ends with the one that started it, not before."""
     # Ctrl-C in a terminal is sent to every process; the one that flies the campaign ends us.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    gc.freeze()  # what was imported stays: the collector need not look through it again and again
     Thread(target=_end_with_parent, daemon=True).start()
 
 

@@ -9,7 +9,7 @@ from msgspec import structs
 
 from msgs_json.geometry import is_before, mask_problems, unreachable_cells
 from msgs_json.messages import Acknowledged, Acknowledgement, Directive, DirectiveRefused, Message
-from uav_planner.entries import Entry
+from uav_planner.entries import Entry, save_changed
 from uav_planner.sortie import leg_waypoints, round_ticks
 
 if TYPE_CHECKING:
@@ -63,7 +63,7 @@ class StandingDirective:
 
     def save(self, store: Store) -> None:
         """Put what has changed since the last time."""
-        self._in_force.save(store)
+        save_changed(store, self._in_force)
 
     @property
     def taken(self) -> Taken | None:

@@ -123,6 +123,8 @@ class ExplorationMap:
 
     def changed_rows(self) -> dict[int, MapRow]:
         """Return what to `recall` of the rows that have changed since this was called last."""
+        if not self._changed_rows:
+            return {}
         changed = {row: self._row(row) for row in sorted(self._changed_rows)}
         self._changed_rows.clear()
         return changed

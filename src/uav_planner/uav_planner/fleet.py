@@ -19,7 +19,7 @@ from msgs_json.messages import (
     RecoveryReason,
     SurfacingReport,
 )
-from uav_planner.entries import Entries, Entry
+from uav_planner.entries import Entries, Entry, save_changed
 from uav_planner.exploration_map import ExplorationMap, MapRow
 from uav_planner.hand_over import (
     CONTRADICTIONS_MAX,
@@ -130,8 +130,7 @@ class Fleet:
 
     def save(self, store: Store) -> None:
         """Put what has changed since the last time."""
-        for entries in (self._auvs, self._visiting, self._hand_overs, self._tours):
-            entries.save(store)
+        save_changed(store, self._auvs, self._visiting, self._hand_overs, self._tours)
         for row, known in self._map.changed_rows().items():
             store.put(_MAP_ROW, str(row), known)
 
@@ -370,7 +369,7 @@ class Fleet:
         """Return an AUV's next path, already noted on the map; None where none is needed."""
         is_wanted = report.outcome is not LegOutcome.ABORTED and report.auv not in self._recalled
         # What it cannot get to is for others to survey, or for nobody.
-        within_reach = self.mission.grid.moves_from([report.cell])
+        within_reach = self.mission.grid.part_of(report.cell)
         if self._map.is_explored(within_reach) or not is_wanted:
             return None
         behind = self._behind(report)

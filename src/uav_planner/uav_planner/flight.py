@@ -17,7 +17,7 @@ from msgs_json.messages import (
 )
 from msgs_json.ros_messages import TrackPath
 from msgs_json.topics import ROUTE
-from uav_planner.entries import Entries, Entry
+from uav_planner.entries import Entries, Entry, save_changed
 from uav_planner.headway import Headway
 from uav_planner.planning import Prospect
 from uav_planner.sortie import hop_ticks, worst_case_s
@@ -103,8 +103,7 @@ class Flight:
     def save(self, store: Store) -> None:
         """Put what has changed since the last time."""
         self._kept_headway.value = (self._headway.known_m, self._headway.difference_m)
-        for entries in (self._planned, self._progress, self._met, self._kept_headway):
-            entries.save(store)
+        save_changed(store, self._planned, self._progress, self._met, self._kept_headway)
         if store.is_changed:
             # Not the shell's `latest`, which is the time of any input, between two ticks as well.
             store.put(_TICK, '', self.now_s)

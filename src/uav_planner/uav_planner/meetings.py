@@ -10,7 +10,7 @@ from msgs_json.agent import Log, Output, Refuse, Transmit
 from msgs_json.codec import Refusal
 from msgs_json.geometry import is_before
 from msgs_json.messages import HeardAgain, Met, RecoveryReason, SurfacingReport
-from uav_planner.entries import Entries
+from uav_planner.entries import Entries, save_changed
 from uav_planner.sample_intake import SampleIntake
 
 if TYPE_CHECKING:
@@ -88,8 +88,7 @@ class Meetings:
 
     def save(self, store: Store) -> None:
         """Put what has changed since the last time."""
-        self._waiting.save(store)
-        self._answered.save(store)
+        save_changed(store, self._waiting, self._answered)
 
     def hear(self, report: SurfacingReport) -> list[Output]:
         """Meet an AUV that is heard, go on with its hand-over, or let it wait for its turn."""

@@ -107,25 +107,28 @@ class SortieUnderway:
     ) -> None:
         self.fleet = fleet
         self.planned = planned
+        self.number = planned.number
+        """Counted from 1."""
+        self.order = planned.order
+        """The AUVs that it goes to."""
+        self.route: Route = planned.plan.route
+        """All waypoints."""
         self._progress = progress
         self._met = met
+        # How far it has come; told once, for they are asked for at every tick.
+        self.departed_s: float | None
+        """When it departed; None at C3 before that."""
+        self.goes_home: bool
+        """Whether nothing of the route is left but the way home."""
+        self.next_waypoint: Waypoint | None
+        """The waypoint that is flown to; None where that is C3."""
+        self.missed: tuple[str, ...]
+        """The AUVs that were searched to the end and not heard."""
+        self.not_reached: tuple[str, ...]
+        """The AUVs that it gave up reaching, to be home in time."""
+        self._tell()
 
     # --- what it was planned as ------------------------------------------------------------------
-
-    @property
-    def number(self) -> int:
-        """Return its number, counted from 1."""
-        return self.planned.number
-
-    @property
-    def order(self) -> tuple[str, ...]:
-        """Return the AUVs that it goes to."""
-        return self.planned.order
-
-    @property
-    def route(self) -> Route:
-        """Return all waypoints."""
-        return self.planned.plan.route
 
     @property
     def mission(self) -> MissionSpec:
@@ -155,26 +158,11 @@ class SortieUnderway:
     # --- how far it has come ---------------------------------------------------------------------
 
     @property
-    def departed_s(self) -> float | None:
-        """Return when it departed; None at C3 before that."""
-        return self._progress.value.departed_s
-
-    @property
     def back_by_s(self) -> float:
         """Return when it has to be back at C3 to keep L; infinite before it has departed."""
         return (
             math.inf if self.departed_s is None else self.departed_s + self.mission.sortie_limit_s
         )
-
-    @property
-    def goes_home(self) -> bool:
-        """Return whether nothing of the route is left but the way home."""
-        return self._progress.value.cursor == len(self.route)
-
-    @property
-    def next_waypoint(self) -> Waypoint | None:
-        """Return the waypoint that is flown to; None where that is C3."""
-        return None if self.goes_home else self.route[self._progress.value.cursor]
 
     @property
     def is_last_of_its_auv(self) -> bool:
@@ -197,16 +185,6 @@ class SortieUnderway:
     def meetings(self) -> list[tuple[str, Contact]]:
         """Return the AUVs that it has met with their meetings, one after another."""
         return sorted(self._met.items(), key=lambda meeting: meeting[1].place)
-
-    @property
-    def missed(self) -> tuple[str, ...]:
-        """Return the AUVs that were searched to the end and not heard."""
-        return self._progress.value.missed
-
-    @property
-    def not_reached(self) -> tuple[str, ...]:
-        """Return the AUVs that it gave up reaching, to be home in time."""
-        return self._progress.value.not_reached
 
     @property
     def turn(self) -> str | None:
@@ -260,3 +238,11 @@ class SortieUnderway:
 
     def _note(self, **changes: object) -> None:
         self._progress.value = msgspec.structs.replace(self._progress.value, **changes)
+        self._tell()
+
+    def _tell(self) -> None:
+        progress, route = self._progress.value, self.route
+        self.departed_s = progress.departed_s
+        self.missed, self.not_reached = progress.missed, progress.not_reached
+        self.goes_home = progress.cursor == len(route)
+        self.next_waypoint = None if self.goes_home else route[progress.cursor]

@@ -23,7 +23,7 @@ from msgs_json.messages import (
 from msgs_json.topics import ODOM
 from uav_planner.deliveries import Deliveries
 from uav_planner.directives import StandingDirective, flyable
-from uav_planner.entries import Entry
+from uav_planner.entries import Entry, save_changed
 from uav_planner.fleet import Fleet
 from uav_planner.flight import Flight
 from uav_planner.meetings import Meetings
@@ -127,8 +127,9 @@ class UavAgent:
         self._agenda.value = _Agenda(
             plans_ahead_from_s=self._plans_ahead_from_s, finished=self.finished
         )
-        for kept in (self._fleet, self._meetings, self._directive, self._agenda):
+        for kept in (self._fleet, self._meetings, self._directive):
             kept.save(self._store)
+        save_changed(self._store, self._agenda)
         self._flight.save(self._store)  # last: it says when anything was stored
 
     def _recall(self) -> None:

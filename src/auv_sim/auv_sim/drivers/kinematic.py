@@ -163,11 +163,7 @@ class KinematicAuv:
         if self._now_s is None or first_step_s is None or began_s is None:
             return 0.0
         lost_s = max(first_step_s + self._fate.lost_s, began_s)
-        return min(min(self._now_s, lost_s) - began_s, self._course.swims_s)
-
-    @property
-    def _at_end(self) -> bool:
-        return self._reached == len(self._leg) - 1
+        return min(self._now_s - began_s, lost_s - began_s, self._course.swims_s)
 
     @property
     def _is_lost(self) -> bool:
@@ -176,8 +172,8 @@ class KinematicAuv:
     def _is_past(self, time_s: float) -> bool:
         """Return whether a time, in seconds since the first step, has come."""
         first_step_s = self._course.first_step_s
-        if self._now_s is None or first_step_s is None:
-            return False
+        if time_s == math.inf or self._now_s is None or first_step_s is None:
+            return False  # the first of these for most AUVs at all times
         return not is_before(self._now_s, first_step_s + time_s)
 
     def _swim(self) -> None:
@@ -185,11 +181,12 @@ class KinematicAuv:
         swum_s = self._swum_s
         self._reached = bisect_right(self._arrivals_s, swum_s + TIME_TOLERANCE_S) - 1
         self._position = self._leg[self._reached]
+        self._at_end = self._reached == len(self._leg) - 1
         # Not at the moment of diving: the shortest dive lasts until the next step.
         comes_up = (
             self._at_end and self._fate.surfaces_at is not None and swum_s > TIME_TOLERANCE_S
         )
-        self._surfaced = comes_up or math.isfinite(self._course.swims_s)
+        self._surfaced = comes_up or self._course.swims_s < math.inf
         self._heading_rad = self._headings_rad[self._reached]
         if self._at_end:
             return
