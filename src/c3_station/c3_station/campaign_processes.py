@@ -19,6 +19,10 @@ if TYPE_CHECKING:
     from c3_station.campaign_plan import MissionJob
 
 
+_COLLECTED_AFTER = 50_000
+"""Objects; a mission of the paper's size makes some thousands that outlive a tick."""
+
+
 class ProcessPool:
     """
     A number of processes that fly missions.
@@ -70,7 +74,9 @@ def start_worker() -> None:
     """Prepare a process that flies missions: it ends with the one that started it, not before."""
     # Ctrl-C in a terminal is sent to every process; the one that flies the campaign ends us.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    gc.freeze()  # what was imported stays: the collector need not look through it again and again
+    # What was imported stays, and a mission leaves little to collect: not after each few objects.
+    gc.freeze()
+    gc.set_threshold(_COLLECTED_AFTER)
     Thread(target=_end_with_parent, daemon=True).start()
 
 

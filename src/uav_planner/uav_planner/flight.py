@@ -20,7 +20,7 @@ from msgs_json.topics import ROUTE
 from uav_planner.entries import Entries, Entry, save_changed
 from uav_planner.headway import Headway
 from uav_planner.planning import Prospect
-from uav_planner.sortie import hop_ticks, worst_case_s
+from uav_planner.sortie import worst_case_s
 from uav_planner.sortie_underway import (
     Contact,
     PlannedSortie,
@@ -281,10 +281,9 @@ class Flight:
         return []
 
     def _is_at(self, point: Point, position: Point, mission: MissionSpec) -> bool:
+        way_m = position.distance_m(point)
         # What the plan counts as no flight at all must not cost a tick.
-        if hop_ticks(mission, position, point) == 0:
-            return True
-        return position.distance_m(point) <= self._setup.arrival_radius_m
+        return way_m <= self._setup.arrival_radius_m or whole_ticks(way_m / mission.step_m) == 0
 
     # --- the way home ----------------------------------------------------------------------------
 
