@@ -51,6 +51,9 @@ _SENDERS_MAX = 32
 """Refusals are told apart for so many senders: strangers choose their names as they like."""
 _OTHERS = '(others)'
 
+_LOGGED_COUNTS = frozenset(10**power for power in range(19))
+"""Which of many refusals for one reason are logged."""
+
 _FORGED = Refuse('?', Refusal.AUTH, '`$.auth` is not of the key of this mission')
 
 
@@ -403,10 +406,12 @@ class AgentShell:
 
     def _refuse(self, refused: Refuse, now_s: float) -> list[Frame]:
         key = (refused.sender, refused.refusal)
-        if key not in self.refused:
+        count = self.refused.get(key, 0) + 1
+        if count == 1:
             key = (self._known(refused.sender), refused.refusal)
-        count = self.refused[key] = self.refused[key] + 1
-        if not _is_power_of_ten(count):
+            count = self.refused[key] + 1
+        self.refused[key] = count
+        if count not in _LOGGED_COUNTS:
             return []
         event = MessageRefused(
             sender=refused.sender,
@@ -420,8 +425,3 @@ class AgentShell:
         """Return the name under which a sender's refusals are counted."""
         senders = {name for name, _ in self.refused}
         return sender if sender in senders or len(senders) < _SENDERS_MAX else _OTHERS
-
-
-def _is_power_of_ten(count: int) -> bool:
-    digits = str(count)
-    return digits[0] == '1' and not digits[1:].strip('0')
