@@ -52,7 +52,7 @@ from msgs_json.messages import (
     StayedUp,
     Surfaced,
 )
-from msgs_json.ros_messages import ClockTime, Odometry, RosMessage, Text
+from msgs_json.ros_messages import ClockTime, RosMessage, Text
 from msgs_json.topics import CLOCK, MISSION_EVENTS, MISSION_STATUS, RADIO_STATUS
 
 if TYPE_CHECKING:
@@ -65,6 +65,8 @@ _FIGURES_IN = (
     MISSION_STATUS.resolve(f'/{C3}'),
     RADIO_STATUS.resolve(f'/{WORLD}'),
 )
+
+_NAMES = frozenset({each.name for each in (CLOCK, MISSION_EVENTS, MISSION_STATUS, RADIO_STATUS)})
 
 Record = tuple[str, float, RosMessage]
 """A message with its absolute topic and its time, seconds."""
@@ -263,7 +265,7 @@ class Summarizer:
 
     def frame(self, name: str, frame: Frame) -> None:
         """Take what a node publishes, as the in-process kernel passes it on."""
-        if not isinstance(frame.message, Odometry):  # many, and they say nothing here
+        if frame.topic.name in _NAMES:  # of most there is no need to know more
             self.message(frame.topic.resolve(f'/{name}'), frame.message)
 
     def message(self, topic: str, message: RosMessage) -> bool:

@@ -61,12 +61,12 @@ def test_only_what_has_changed_is_stored() -> None:
     store = Watched()
     entries: Entries[int] = Entries('some')
     entries.become({'a': 1, 'b': 2, 'c': 3})
-    save_changed(store, entries)
+    save_changed(store, [entries])
     store.commit()
-    save_changed(store, entries)
+    save_changed(store, [entries])
     assert not store.is_changed
     entries.become({'a': 1, 'b': 5})
-    save_changed(store, entries)
+    save_changed(store, [entries])
     store.commit()
     assert store.written == [('some', 'b'), ('some', 'c')]
 
@@ -74,18 +74,18 @@ def test_only_what_has_changed_is_stored() -> None:
 def test_a_single_entry_is_stored_when_it_is_another() -> None:
     store = Watched()
     entry = Entry('one', (1, 2))
-    save_changed(store, entry)
+    save_changed(store, [entry])
     store.commit()
     entry.value = (1, 2)
-    save_changed(store, entry)
+    save_changed(store, [entry])
     assert not store.is_changed
     entry.value = (3, 4)
-    save_changed(store, entry)
+    save_changed(store, [entry])
     store.commit()
     again = Entry('one', (0, 0))
     again.load(store, tuple[int, int])
     assert again.value == (3, 4)
-    save_changed(store, again)
+    save_changed(store, [again])
     assert not store.is_changed
 
 

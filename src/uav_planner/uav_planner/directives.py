@@ -9,7 +9,7 @@ from msgspec import structs
 
 from msgs_json.geometry import is_before, mask_problems, unreachable_cells
 from msgs_json.messages import Acknowledged, Acknowledgement, Directive, DirectiveRefused, Message
-from uav_planner.entries import Entry, save_changed
+from uav_planner.entries import Entry
 from uav_planner.sortie import leg_waypoints, round_ticks
 
 if TYPE_CHECKING:
@@ -56,14 +56,12 @@ class StandingDirective:
 
     def __init__(self) -> None:
         self._in_force = Entry(_DIRECTIVE, _InForce())
+        self.kept = (self._in_force,)
+        """What is to be saved."""
 
     def load(self, store: Store) -> None:
         """Go on by what a process before this one had taken."""
         self._in_force.load(store, _InForce)
-
-    def save(self, store: Store) -> None:
-        """Put what has changed since the last time."""
-        save_changed(store, self._in_force)
 
     @property
     def taken(self) -> Taken | None:

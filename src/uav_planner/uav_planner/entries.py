@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import ItemsView, Iterator, KeysView, Mapping, MutableMapping
+from collections.abc import ItemsView, Iterable, Iterator, KeysView, Mapping, MutableMapping
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 if TYPE_CHECKING:
@@ -128,7 +128,7 @@ class Entries(MutableMapping[str, T]):
         return self._values.items()
 
 
-def save_changed(store: Store, *kept: Entry[Any] | Entries[Any]) -> None:
+def save_changed(store: Store, kept: Iterable[Entry[Any] | Entries[Any]]) -> None:
     """Put what has changed since the last time."""
     for each in kept:
         if each.is_changed:

@@ -19,7 +19,7 @@ from msgs_json.messages import (
     RecoveryReason,
     SurfacingReport,
 )
-from uav_planner.entries import Entries, Entry, save_changed
+from uav_planner.entries import Entries, Entry
 from uav_planner.exploration_map import ExplorationMap, MapRow
 from uav_planner.hand_over import (
     CONTRADICTIONS_MAX,
@@ -117,6 +117,8 @@ class Fleet:
         self._hand_overs: Entries[HandOver] = Entries(_HAND_OVER)
         """By AUV, until it acknowledges or reports from its next leg."""
         self._tours: Entries[tuple[Cell, ...]] = Entries(_TOUR)
+        self.kept = (self._auvs, self._visiting, self._hand_overs, self._tours)
+        """What is to be saved, beside the map."""
         self._recalled: frozenset[str] = frozenset()
 
     def load(self, store: Store) -> None:
@@ -128,9 +130,8 @@ class Fleet:
         rows = store.load(_MAP_ROW, MapRow)
         self._map.recall({int(row): known for row, known in rows.items()})
 
-    def save(self, store: Store) -> None:
-        """Put what has changed since the last time."""
-        save_changed(store, self._auvs, self._visiting, self._hand_overs, self._tours)
+    def save_map(self, store: Store) -> None:
+        """Put what has changed on the map since the last time."""
         for row, known in self._map.changed_rows().items():
             store.put(_MAP_ROW, str(row), known)
 

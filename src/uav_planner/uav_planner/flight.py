@@ -17,7 +17,7 @@ from msgs_json.messages import (
 )
 from msgs_json.ros_messages import TrackPath
 from msgs_json.topics import ROUTE
-from uav_planner.entries import Entries, Entry, save_changed
+from uav_planner.entries import Entries, Entry
 from uav_planner.headway import Headway
 from uav_planner.planning import Prospect
 from uav_planner.sortie import worst_case_s
@@ -86,6 +86,8 @@ class Flight:
         self._progress = Entry(_PROGRESS, Progress())
         self._met: Entries[Contact] = Entries(_MET)
         self._kept_headway = Entry(_HEADWAY, (0.0, 0.0))
+        self.kept = (self._planned, self._progress, self._met, self._kept_headway)
+        """What is to be saved, and with it the time."""
 
     def load(self, store: Store, fleet: Fleet) -> None:
         """Go on where a process before this one left off."""
@@ -100,13 +102,9 @@ class Flight:
             self.sortie = SortieUnderway(fleet, planned, self._progress, self._met)
         self.now_s = store.load(_TICK, float)['']
 
-    def save(self, store: Store) -> None:
-        """Put what has changed since the last time."""
-        self._kept_headway.value = (self._headway.known_m, self._headway.difference_m)
-        save_changed(store, self._planned, self._progress, self._met, self._kept_headway)
-        if store.is_changed:
-            # Not the shell's `latest`, which is the time of any input, between two ticks as well.
-            store.put(_TICK, '', self.now_s)
+    def save_time(self, store: Store) -> None:
+        """Put the time of the last tick; the shell's is that of any input, between two as well."""
+        store.put(_TICK, '', self.now_s)
 
     # --- where it is -----------------------------------------------------------------------------
 
@@ -131,6 +129,7 @@ class Flight:
         is_next_tick = now_s - self.now_s < 1.5 * self._setup.tick_s
         if target is not None and self.position is not None and is_next_tick:
             self._headway.note(self.position, state.position, target)
+            self._kept_headway.value = (self._headway.known_m, self._headway.difference_m)
         self.now_s, self.position = now_s, state.position
         return state
 
@@ -190,6 +189,7 @@ class Flight:
         mission, plan = sortie.mission, sortie.planned.plan
         sortie.depart(self.now_s)
         self._headway = self._headway.next_sortie()
+        self._kept_headway.value = (self._headway.known_m, self._headway.difference_m)
         points = (mission.c3, *(waypoint.point for waypoint in sortie.route), mission.c3)
         departed = SortieDeparted(
             sortie=sortie.number,

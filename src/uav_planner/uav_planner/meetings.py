@@ -10,7 +10,7 @@ from msgs_json.agent import Log, Output, Refuse, Transmit
 from msgs_json.codec import Refusal
 from msgs_json.geometry import is_before
 from msgs_json.messages import HeardAgain, Met, RecoveryReason, SurfacingReport
-from uav_planner.entries import Entries, save_changed
+from uav_planner.entries import Entries
 from uav_planner.sample_intake import SampleIntake
 
 if TYPE_CHECKING:
@@ -85,10 +85,8 @@ class Meetings:
         self._waiting.load(store, _Waiting)
         self._answered: Entries[_Answered] = Entries(_ANSWERED)
         self._answered.load(store, _Answered)
-
-    def save(self, store: Store) -> None:
-        """Put what has changed since the last time."""
-        save_changed(store, self._waiting, self._answered)
+        self.kept = (self._waiting, self._answered)
+        """What is to be saved."""
 
     def hear(self, report: SurfacingReport) -> list[Output]:
         """Meet an AUV that is heard, go on with its hand-over, or let it wait for its turn."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import msgspec
 
@@ -23,7 +23,7 @@ from msgs_json.messages import (
 from msgs_json.topics import ODOM
 from uav_planner.deliveries import Deliveries
 from uav_planner.directives import StandingDirective, flyable
-from uav_planner.entries import Entry, save_changed
+from uav_planner.entries import Entries, Entry, save_changed
 from uav_planner.fleet import Fleet
 from uav_planner.flight import Flight
 from uav_planner.meetings import Meetings
@@ -85,6 +85,8 @@ class UavAgent:
             guarantees_limit=planner.guarantees_limit,
         )
         self._agenda = Entry(_AGENDA, _Agenda())
+        self._kept: tuple[Entry[Any] | Entries[Any], ...] = ()
+        """What is to be saved once it has changed."""
         self._look_ahead: Iterator[float] = iter(())
         """Plans the whole mission before the first sortie."""
         self._plans_ahead_from_s: float | None = None
@@ -122,15 +124,15 @@ class UavAgent:
 
     def _remember(self) -> None:
         """Store what has changed."""
-        if self._fleet is None or self._meetings is None:
+        if self._fleet is None:
             return
         self._agenda.value = _Agenda(
             plans_ahead_from_s=self._plans_ahead_from_s, finished=self.finished
         )
-        for kept in (self._fleet, self._meetings, self._directive):
-            kept.save(self._store)
-        save_changed(self._store, self._agenda)
-        self._flight.save(self._store)  # last: it says when anything was stored
+        save_changed(self._store, self._kept)
+        self._fleet.save_map(self._store)
+        if self._store.is_changed:
+            self._flight.save_time(self._store)
 
     def _recall(self) -> None:
         """Go on where a process before this one left off."""
@@ -159,6 +161,13 @@ class UavAgent:
             self._store,
             self._custody,
             guarantees_limit=self._planner.guarantees_limit,
+        )
+        self._kept = (
+            *fleet.kept,
+            *self._meetings.kept,
+            *self._directive.kept,
+            *self._flight.kept,
+            self._agenda,
         )
         self.peers = frozenset({self._setup.c3, *fleet.names})
 
